@@ -18,21 +18,18 @@ import numpy as np
 
 from lacmesh.checks.findings import Place, counted, figures, rule
 from lacmesh.checks.request import Bools, Request
-from lacmesh.cutting.patterns import WHOLE_FACES
 from lacmesh.cutting.recognition import as_cut, find_macros
 from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.cutting.select import slave_skin
-from lacmesh.cutting.stars import integrals
+from lacmesh.cutting.stars import WHOLE, node_integrals
 from lacmesh.errors import CutError, some
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.topology.bodies import label_components
-from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, edge_uses
+from lacmesh.topology.skin import Faces, boundary_edges, edge_uses
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6
 _NONE = np.empty(0, np.int64)
-#: types of faces that own an internal dof as they are
-_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 
 
 class Fault(NamedTuple):
@@ -82,7 +79,7 @@ def macros_of(request: Request) -> Macros:
     macro[~cut] = last + 1 + np.arange(np.count_nonzero(~cut))
     values, of_face = np.unique(macro, return_inverse=True)
     number = np.where((values <= last) & (not recognised), values, -1)
-    return Macros(of_face, len(values), cut, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+    return Macros(of_face, len(values), cut, WHOLE[side.faces.type], number, recognised, tuple(faults))
 
 
 def cut_mesh(request: Request) -> Mesh:
@@ -209,17 +206,19 @@ def _dofs(request: Request) -> _Dofs:
 
 def _integrals(request: Request, macros: Macros) -> tuple[Floats, Floats, Ints]:
     """Measure of each macro-element, integral of each node's function, the only macro-element at each node, or -1."""
-    mesh, faces = request.mesh, request.slave.faces
-    value = integrals(np.where(request.finite[:, None], mesh.points, 0.0), faces)
-    value[~(request.finite[faces.nodes] | (faces.nodes < 0)).all(axis=1)] = 0.0
-    size = np.asarray(np.bincount(macros.of_face, value.sum(axis=1), macros.count), float)
-    face, k = np.nonzero(faces.nodes >= 0)
-    node, macro = faces.nodes[face, k], macros.of_face[face]
-    low, high = np.full(mesh.n_nodes, macros.count), np.full(mesh.n_nodes, -1)
+    faces, n_nodes = request.slave.faces, request.mesh.n_nodes
+    inside = faces.nodes >= 0
+    node, macro = faces.nodes[inside], np.broadcast_to(macros.of_face[:, None], inside.shape)[inside]
+    low, high = np.full(n_nodes, macros.count), np.full(n_nodes, -1)
     np.minimum.at(low, node, macro)
     np.maximum.at(high, node, macro)
-    total = np.asarray(np.bincount(node, value[face, k], mesh.n_nodes), float)
-    return size, total, np.where(low == high, low, -1)
+    on_face = np.zeros(inside.shape)
+    good = np.flatnonzero((request.finite[faces.nodes] | ~inside).all(axis=1))
+    on_face[good] = node_integrals(request.mesh.points, faces.take(good))
+    size, value = np.zeros(macros.count), np.zeros(n_nodes)
+    np.add.at(size, macro, on_face[inside])
+    np.add.at(value, node, on_face[inside])
+    return size, value, np.where(low == high, low, -1)
 
 
 @figures("slave")

@@ -16,7 +16,7 @@ partition does not depend on how they are numbered.
 
 from __future__ import annotations
 
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ LEAST = 0.05
 _GRID = 1e-6
 _DEGREE = 6
 #: by the codes of face types: True for those that own a dof as they are, and the node that carries it
-_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 _CENTRE = np.array([WHOLE_FACES.get(name, 0) for name in FACE_TYPES])
 
 
@@ -65,7 +65,7 @@ class _Skin(NamedTuple):
 
 def whole_faces(faces: Faces) -> Stars:
     """Return the macro-elements that faces are as they stand: SEG3, TRIA7 and QUAD9."""
-    whole = _WHOLE[faces.type]
+    whole = WHOLE[faces.type]
     centre = faces.nodes[whole, _CENTRE[faces.type[whole]]]
     return Stars(np.where(whole, np.cumsum(whole) - 1, -1), centre)
 
@@ -90,7 +90,7 @@ def find_stars(
     macro = np.where(faces.nodes >= 0, places_of(carrier, mesh.n_nodes)[faces.nodes], -1).max(axis=1)
     inside = faces.nodes >= 0
     integral = np.bincount(faces.nodes[inside], skin.value[inside], mesh.n_nodes)[carrier]
-    for graph in (skin, _skin(mesh, faces, zone, 180.0))[: 1 + join]:
+    for graph in (skin, _skin(mesh, faces, zone, 180.0)) if join else (skin,):
         total = np.bincount(macro[macro >= 0], skin.size[macro >= 0], len(carrier))
         _join(graph.across, graph.length, skin.size, ~out, macro, total, integral)
     return _numbered(macro[np.argsort(order)], carrier)
@@ -141,7 +141,7 @@ def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     rim = np.ones(len(uses.edge), bool)
     rim[a] = rim[b] = False
     nodes = np.concatenate([uses.start[rim], uses.stop[rim], _mid_nodes(faces, uses.face[rim], uses.place[rim])])
-    value = integrals(mesh.points, faces)
+    value = node_integrals(mesh.points, faces)
     return _Skin(across, length, value.sum(axis=1), value, np.unique(nodes[nodes >= 0]))
 
 
@@ -152,8 +152,8 @@ def _mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
     return np.where(has, faces.nodes[face, np.where(has, n + place, 0)], -1)
 
 
-def integrals(points: Floats, faces: Faces) -> Floats:
-    """(f, 9): the integral of each node's shape function over each face, on the real geometry; 0 for padding."""
+def node_integrals(points: Floats, faces: Faces) -> Floats:
+    """(f, 9): the integral of each node's function over each face, on the real geometry; 0 for padding."""
     value = np.zeros((len(faces), MAX_NODES))
     for code in codes(faces.type):
         rows = np.flatnonzero(faces.type == code)
@@ -216,7 +216,8 @@ def _seeds(node: Ints, on: Ints, across: Ints) -> Ints:
     order = np.argsort(on[face, k], kind="stable")
     star = face[order]
     star_start = np.searchsorted(on[face, k][order], np.arange(len(node) + 1))
-    a, b = np.repeat(on, MAX_NODES, axis=1), np.tile(on, MAX_NODES)
+    on = np.compress((on >= 0).any(axis=0), on, axis=1)  # corners or mid-nodes, not both, for most skins
+    a, b = np.repeat(on, on.shape[1], axis=1), np.tile(on, on.shape[1])
     pair = (a >= 0) & (b >= 0) & (a != b)
     key = np.unique(a[pair] * np.int64(len(node)) + b[pair])
     beside, start = key % len(node), np.searchsorted(key // len(node), np.arange(len(node) + 1))
@@ -238,38 +239,26 @@ def _choose(
     are in stars or at the rim; then by the other of the two, the size of the star, and the place.
     """
     n = len(start) - 1
-    chosen, closed = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    free, touch = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    taken, changed = np.zeros(len(on), np.bool_), np.zeros(n, np.bool_)
-    for c in range(n):
-        free[c] = start[c + 1] - start[c]
-    heap: Any = [(np.int64(0), np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
-    heap.pop()
-    for c in range(n):
-        size = star_start[c + 1] - star_start[c]
-        heappush(heap, (-touch[c], free[c], size, c) if front else (free[c], -touch[c], size, c))
-    queue = np.empty(n, np.int64)
+    chosen, closed, taken = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(len(on), np.bool_)
+    free, size, touch = start[1:] - start[:-1], star_start[1:] - star_start[:-1], np.zeros(n, np.int64)
+    a, b = (touch, free) if front else (free, touch)  # the order of the heap; an entry is out of date if they changed
+    heap = [(a[c], b[c], size[c], np.int64(c)) for c in range(n)]
+    heapify(heap)
     while len(heap) > 0:
-        first, second, size, c = heappop(heap)
-        if closed[c]:
-            continue
-        now = (-touch[c], free[c]) if front else (free[c], -touch[c])
-        if now[0] != first or now[1] != second:
+        first, second, _, c = heappop(heap)
+        if closed[c] or a[c] != first or b[c] != second:
             continue
         chosen[c] = closed[c] = True
-        count = 0
         for i in range(start[c], start[c + 1]):
-            b = beside[i]
-            if closed[b]:
+            other = beside[i]
+            if closed[other]:
                 continue
-            closed[b] = True
-            for j in range(start[b], start[b + 1]):
+            closed[other] = True
+            for j in range(start[other], start[other + 1]):
                 d = beside[j]
-                free[d] -= 1
-                if not closed[d] and not changed[d]:
-                    changed[d] = True
-                    queue[count] = d
-                    count += 1
+                if not closed[d]:
+                    free[d] -= 1
+                    heappush(heap, (a[d], b[d], size[d], d))
         for i in range(star_start[c], star_start[c + 1]):
             taken[star[i]] = True
         for i in range(star_start[c], star_start[c + 1]):
@@ -278,17 +267,8 @@ def _choose(
                     continue
                 for d in on[g]:
                     if d >= 0 and not closed[d]:
-                        touch[d] += 1
-                        if not changed[d]:
-                            changed[d] = True
-                            queue[count] = d
-                            count += 1
-        for i in range(count):
-            d = queue[i]
-            changed[d] = False
-            if not closed[d]:
-                size = star_start[d + 1] - star_start[d]
-                heappush(heap, (-touch[d], free[d], size, d) if front else (free[d], -touch[d], size, d))
+                        touch[d] -= 1
+                        heappush(heap, (a[d], b[d], size[d], d))
     return chosen
 
 
@@ -357,11 +337,12 @@ def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, 
     """
     heap: Any = [(np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
     heap.pop()
-    for f in np.flatnonzero(free):
-        for g in across[f]:
-            if g >= 0 and macro[g] >= 0:
-                m = np.int64(macro[g])
-                heappush(heap, (_cost(across, length, size, macro, total, integral, f, m), np.int64(f), m))
+    for f in range(len(macro)):
+        if free[f]:
+            for g in across[f]:
+                if g >= 0 and macro[g] >= 0:
+                    m = macro[g]
+                    heappush(heap, (_cost(across, length, size, macro, total, integral, f, m), np.int64(f), m))
     while len(heap) > 0:
         cost, f, m = heappop(heap)
         if macro[f] >= 0:

@@ -60,11 +60,12 @@ def solve_case(
         for gap in ("faces", "smooth", "true"):
             results += _judged(gap, size, off[gap], allowed)
         every.append(solved(linear, "smooth", "stars"))
-        right, cut, stars = (highest(own) for own in (solutions["TETRA10"], solutions["smooth"], every[-1]))
-        for k, where in enumerate((" away from the edges", "")):
+        for where, far in ((" away from the edges", _AWAY), ("", np.inf)):
+            zones = (own.zone for own in (solutions["TETRA10"], solutions["smooth"], every[-1]))
+            right, cut, stars = (zone.pressure[np.abs(zone.centre[:, 1]) < far].max() for zone in zones)
             name = f"highest pressure{where} over that of TETRA10, size {size:g}"
-            results.append(equal(f"{name}, stars", stars[k] / right[k], 1.0, 0.15, source=_SOURCE, reason=_EDGE))
-            results.append(informative(f"{name}, cut", cut[k] / right[k], reason="beside that of stars"))
+            results.append(equal(f"{name}, stars", stars / right, 1.0, 0.15, source=_SOURCE, reason=_EDGE))
+            results.append(informative(f"{name}, cut", cut / right, reason="beside that of stars"))
     return Outcome((*results, *balanced(every)))
 
 
@@ -83,12 +84,6 @@ def away(own: Solved) -> tuple[int, float]:
     zone = own.zone
     there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
-
-
-def highest(own: Solved) -> tuple[float, float]:
-    """Highest pressure away from the bore's edges, and of all macro-elements."""
-    zone = own.zone
-    return float(zone.pressure[np.abs(zone.centre[:, 1]) < _AWAY].max()), float(zone.pressure.max())
 
 
 def meshed(size: float, order: int) -> lacmesh.Mesh:
