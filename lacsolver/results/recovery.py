@@ -11,9 +11,10 @@ those of least squares for such errors: a ninth of the area for the last macro-e
 the last.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
-its neighbours (10 % of the peak; the sum is right), among them open ones that the contact reaches into. So for p >= 0,
-near an open macro-element, the last ones in contact and the open ones beside them are merged with their neighbours, if
-at least 3 (12) remain, and p is the root of a parabola that has the means p_m. The square of Hertz's pressure is one.
+its neighbours (10 % of the peak; the sum is right), where faces are linear also with open ones that the contact
+reaches into. So for p >= 0, near an open macro-element, the last ones in contact and, of linear faces, the open ones
+beside them are merged with their neighbours, if at least 3 (12) remain, and p is the root of a parabola that has the
+means p_m. The square of Hertz's pressure is one.
 
 Finally, each connected part of the contact gets the force of its p_m: linear interpolation between nodes has less or
 more force than the root; missing force goes to the nodes shared with open macro-elements, excess force is taken from
@@ -108,7 +109,7 @@ def recover_pressure(
 def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -> Slave:
     """Compute the data of a surface for the fits. A macro-element without extent has an area of 0."""
     rows, columns, values, n = [], [], [], len(unpaired)
-    area, first, second = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
+    area, first, second, linear = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, bool)
     for name, faces, nodes in surface.by_type():
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
         N, own = shape(name, X), macro[faces]
@@ -118,6 +119,7 @@ def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -
         area += summed(own, W.sum(axis=1), n)
         first += summed(own, np.einsum("fq,fqs->fs", W, at), n)
         second += summed(own, np.einsum("fq,fqs,fqt->fst", W, at, at), n)
+        linear[own] |= CELLS[name].order == 1
         rows.append(np.repeat(own, nodes.shape[1]))
         columns.append(nodes.ravel())
         values.append((W @ N).ravel())
@@ -128,7 +130,7 @@ def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -
     centroid = first / size[:, None]
     moment = second / size[:, None, None] - dyads(centroid)
     trust = _trust(touch, surface, macro, unpaired)
-    return Slave(nodes, surface.x[nodes], area, centroid, moment, means, touch, trust, np.zeros(n, bool), surface.dim)
+    return Slave(nodes, surface.x[nodes], area, centroid, moment, means, touch, trust, linear, surface.dim)
 
 
 def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> NDArray[np.floating]:
@@ -155,9 +157,10 @@ def _nodal_parabolas(slave: Slave, means: Floats, contact: Bools) -> tuple[NDArr
 def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opened: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
 
-    The macro-elements at the `edge` of contact, and those `opened` beside them, are merged with their neighbours.
+    The macro-elements at the `edge` of contact, and those `opened` beside them in which it may end, are merged with
+    their neighbours.
     """
-    merged, W = _merged(slave, contact, edge, beside(slave.touch, edge, 1) & opened)
+    merged, W = _merged(slave, contact, edge, beside(slave.touch, edge, 1) & opened & slave.ends)
     if len(merged.area) < LEAST[slave.dim]:
         none = np.zeros_like(edge)
         merged, W = _merged(slave, contact, none, none)
