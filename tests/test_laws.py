@@ -8,6 +8,8 @@ from __future__ import annotations
 import warnings
 from dataclasses import MISSING, replace
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -42,7 +44,8 @@ pytestmark = [
 ]
 EVERY = pytest.mark.parametrize("name", PROBLEMS)
 #: problems whose run finds an equilibrium
-SOLVED = pytest.mark.parametrize("name", [name for name in PROBLEMS if name != "given up"])
+SOLVABLE = [name for name in PROBLEMS if name != "given up"]
+SOLVED = pytest.mark.parametrize("name", SOLVABLE)
 
 
 def ran(case, folder, mesh=None):
@@ -55,6 +58,12 @@ def ran(case, folder, mesh=None):
     return done
 
 
+@pytest.fixture(scope="module")
+def ran_once(tmp_path_factory):
+    """Function of a problem's name: the problem as it stands, run once for all tests, and what its folder holds."""
+    return cache(lambda name: ran(PROBLEMS[name].case(), tmp_path_factory.mktemp("run") / "out"))
+
+
 @cache
 def states_of(name):
     """The converged states of a problem as it stands."""
@@ -65,23 +74,24 @@ def states_of(name):
 
 
 @EVERY
-def test_the_answer(name, tmp_path):
-    ANSWERS[name](ran(PROBLEMS[name].case(), tmp_path / "out"))
+def test_the_answer(name, ran_once):
+    ANSWERS[name](ran_once(name))
 
 
 @SOLVED
-def test_solve_and_march_and_run_are_one(name, tmp_path):
+def test_solve_and_march_and_run_are_one(name, ran_once):
     """What is solved in memory is what a run writes, to the last bit: displacements, pressures, states."""
-    case, states = PROBLEMS[name].case(), states_of(name)
-    done = run(case, create_output(tmp_path / "out"))
-    assert done.status == "done" and [step.time for step in done.steps] == [state.time for state in states]
-    written, last = read_state(tmp_path / "out", case, mesh=case.mesh), states[-1]
+    done, states = ran_once(name), states_of(name)
+    case, folder = done.case, done.folder
+    assert done.error is None and done.results["status"] == "done"
+    assert done.times == [state.time for state in states]
+    written, last = read_state(folder, case, mesh=case.mesh), states[-1]
     np.testing.assert_array_equal(written.u, last.u)
     np.testing.assert_array_equal(written.step.iterate.p, last.step.iterate.p)
     solution = ls.solve(case)
     np.testing.assert_array_equal(solution.u.ravel(), last.u)
     assert list(solution.contact) == [zone.name for zone in last.zones]
-    assert_read(tmp_path / "out", solution)
+    assert_read(folder, solution)
 
 
 def assert_read(folder, solution):
@@ -99,12 +109,11 @@ def assert_read(folder, solution):
 
 
 @pytest.mark.parametrize("name", [name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1])
-def test_a_run_that_goes_on_is_one_that_did_not_stop(name, tmp_path):
+def test_a_run_that_goes_on_is_one_that_did_not_stop(name, ran_once):
     """From the state after the first step, to the last bit."""
-    case, states = PROBLEMS[name].case(), states_of(name)
-    done = run(case, create_output(tmp_path / "whole"))
-    first = min(int(path.stem.removeprefix("state_")) for path in (tmp_path / "whole").glob("state_*.npz"))
-    start = read_state(tmp_path / "whole", case, done.steps[first - 1].time, mesh=case.mesh)
+    done, states = ran_once(name), states_of(name)
+    case, first = done.case, done.stored[0]
+    start = read_state(done.folder, case, done.times[first - 1], mesh=case.mesh)
     for again, state in zip(march(Problem.of(case, case.mesh), start=start), states[first:], strict=True):
         np.testing.assert_array_equal(again.u, state.u)
         np.testing.assert_array_equal(again.step.iterate.p, state.step.iterate.p)
@@ -191,53 +200,55 @@ def keys():
 
 
 def without(name, section, key, option=None):
-    """Yield the cases of a problem in each of which one record has the default of a key in place of its own value."""
+    """Yield each way to leave a key of a problem: the number of a record, None for the case; the key, None for all.
+
+    A record has the default of the key in place of its own value; where there is no default, the record is left out.
+    """
     problem = PROBLEMS[name]
-    if not section:
-        if key in problem.keys and option in (None, problem.keys[key]):
-            rest = {k: v for k, v in problem.keys.items() if k != key}
-            yield lambda: case_of(problem.mesh(), *problem.records, **rest)
-        return
+    if not section and key in problem.keys and option in (None, problem.keys[key]):
+        yield None, key
     for k, record in enumerate(problem.records):
-        default, own = defaults_of(record)[key] if record.SECTION.name == section else MISSING, None
-        if default is MISSING:
-            if record.SECTION.name == section:
-                yield lambda k=k: problem.case([r for j, r in enumerate(problem.records) if j != k])
-            continue
-        own = getattr(record, key)
-        if own != default and option in (None, own):
-            records = list(problem.records)
-            yield lambda records=records, k=k, record=record, default=default: problem.case(
-                [replace(record, **{key: default}) if j == k else one for j, one in enumerate(records)]
-            )
+        if record.SECTION.name == section:
+            default = defaults_of(record)[key]
+            if default is MISSING:
+                yield k, None
+            elif getattr(record, key) != default and option in (None, getattr(record, key)):
+                yield k, key
 
 
-def is_right(name, make, folder):
-    """True if a case has the answer of a problem; one that is refused has not."""
-    with warnings.catch_warnings():
+def left(name, k, key):
+    """The case of a problem in which one key, or one record, is left."""
+    problem = PROBLEMS[name]
+    if k is None:
+        return case_of(problem.mesh(), *problem.records, **{own: v for own, v in problem.keys.items() if own != key})
+    one = problem.records[k]
+    instead = [] if key is None else [replace(one, **{key: defaults_of(one)[key]})]
+    return problem.case([*problem.records[:k], *instead, *problem.records[k + 1 :]])
+
+
+@cache
+def is_right(name, k, key):
+    """True if a problem has its answer without a key; a case that is refused has not. Options of a key share it."""
+    with warnings.catch_warnings(), TemporaryDirectory() as folder:
         warnings.simplefilter("ignore", LacmeshWarning)
         try:
-            ANSWERS[name](ran(make(), folder))
+            ANSWERS[name](ran(left(name, k, key), Path(folder) / "out"))
         except (LacmeshError, AssertionError, LookupError, FileNotFoundError, TypeError):
             return False
     return True
 
 
 @pytest.mark.parametrize("place", list(keys()), ids=".".join)
-def test_every_key_has_an_effect(place, tmp_path):
+def test_every_key_has_an_effect(place):
     """Some problem has the key, and another answer, or none, without it."""
-    tried = 0
-    for name in PROBLEMS:
-        for make in without(name, *place):
-            tried += 1
-            if not is_right(name, make, tmp_path / f"{tried}"):
-                return
-    pytest.fail(f"{tried} problems have it, and none needs it")
+    tried = [(name, *way) for name in PROBLEMS for way in without(name, *place)]
+    assert not all(is_right(*one) for one in tried), f"{len(tried)} problems have it, and none needs it"
 
 
 # ---- the same in other units, turned, elsewhere, in another order
 
 UNITS = {
+    "small, stiff and slow": World(1e-3, 1e9, 1e4), "large, soft and fast": World(1e6, 1e-12, 1e-4),
     "mm in m": World(1e-3), "m in μm": World(1e6, 1e-12), "forces": World(stress=1e9), "slow": World(time=1e4),
 }  # fmt: skip
 
@@ -248,8 +259,14 @@ def check_in(name, case, world, place=slice(None), iterations=True):
     assert_same(states_of(name), others, world, PROBLEMS[name].mesh(), place, iterations=iterations)
 
 
-@pytest.mark.parametrize("units", UNITS)
-@SOLVED
+def in_units():
+    """Each problem in all other units at once, up or down by turns; `make verify` has the other way, and one by one."""
+    for k, name in enumerate(SOLVABLE):
+        for j, units in enumerate(UNITS):
+            yield pytest.param(name, units, marks=[pytest.mark.slow] * (j != k % 2))
+
+
+@pytest.mark.parametrize(("name", "units"), [*in_units()])
 def test_in_other_units(name, units):
     """Lengths, forces and times in other units: the same answer in the same iterations."""
     check_in(name, case_in(PROBLEMS[name], UNITS[units]), UNITS[units])

@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,11 +24,15 @@ import lacsolver.errors
 from tests import REPOSITORY
 
 PACKAGES = pytest.mark.parametrize("package", [lacmesh, lacsolver], ids=lambda p: p.__name__)
-TREES = {
-    path: ast.parse(path.read_text(encoding="utf-8"))
-    for name in ("lacmesh", "lacsolver", "verification")
-    for path in sorted((REPOSITORY / name).rglob("*.py"))
-}
+
+
+@cache
+def trees():
+    """The syntax tree of each module, by its path: parsed when a test asks, not in each process that collects them."""
+    folders = ("lacmesh", "lacsolver", "verification")
+    paths = (path for name in folders for path in sorted((REPOSITORY / name).rglob("*.py")))
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+
 
 # ---- modules
 
@@ -51,7 +56,7 @@ def imported_at_once(tree):
 
 def test_optional_packages_are_imported_when_used_and_commands_alone_print_or_exit():
     words = {"print", "exit", "quit", "sys.exit", "os._exit", "SystemExit", "sys.stdout.write"}
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         if path.is_relative_to(REPOSITORY / "lacmesh"):
             assert not {*imported_at_once(tree)} & LATE, path
             calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
@@ -60,8 +65,8 @@ def test_optional_packages_are_imported_when_used_and_commands_alone_print_or_ex
 
 @pytest.mark.parametrize("package", ["lacmesh", "lacsolver", "verification"])
 def test_a_public_class_has_its_name_for_itself(package):
-    trees = [tree for path, tree in TREES.items() if path.is_relative_to(REPOSITORY / package)]
-    names = Counter(node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
+    own = [tree for path, tree in trees().items() if path.is_relative_to(REPOSITORY / package)]
+    names = Counter(node.name for tree in own for node in tree.body if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1 and not name.startswith("_")] == []
 
 
@@ -75,7 +80,7 @@ def test_public_names_are_verbs_records_and_two_errors_that_type_checkers_and_st
     assert all(inspect.isclass(thing) or inspect.isfunction(thing) for thing in things.values())
     errors = {name for name in things if name.endswith(("Error", "Warning"))}
     assert len(errors) == 2 and errors <= {*dir(importlib.import_module(f"{package.__name__}.errors"))}
-    (block,) = (n for n in TREES[REPOSITORY / package.__name__ / "__init__.py"].body if isinstance(n, ast.If))
+    (block,) = (n for n in trees()[REPOSITORY / package.__name__ / "__init__.py"].body if isinstance(n, ast.If))
     assert {a.asname: n.module for n in block.body for a in n.names} == package._PUBLIC
     names = {}
     exec(f"from {package.__name__} import *", names)

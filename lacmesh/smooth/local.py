@@ -59,6 +59,9 @@ def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings,
 
     Three rings are used where two have fewer nodes than `least`.
     """
+    if not asked.any():  # as of flat skins, which are most
+        none = Rings(np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32))
+        return none, none
     from scipy.sparse import csr_matrix
 
     rows, columns = [], []

@@ -134,7 +134,7 @@ def test_plane_bodies(name, axisymmetric):
     all_well_before_and_after(elsewhere, held=("fixed",))
 
 
-@pytest.mark.parametrize("name", SOLIDS)
+@EVERY
 def test_blocks_and_blocks_whose_orientation_is_healed(name):
     after = all_well_before_and_after(two_blocks(name, reach=0.2), held="fixed").summary
     assert after["covered"] == pytest.approx(1, abs=1e-9) and after["gap"]["mean"] == pytest.approx(0.01, abs=1e-9)

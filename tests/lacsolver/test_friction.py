@@ -290,9 +290,10 @@ def test_what_is_left_falls_with_the_steps():
 def test_too_long_steps_are_warned_of_once_at_the_end(tmp_path):
     """In four steps the ledger leaves over half."""
     for count, warned in ((4, 1), (128, 0)):
+        case = replace(rubbed("plane_strain", count=count), output=ls.Output(every=count))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            results = ls.run(rubbed("plane_strain", count=count), tmp_path / str(count))
+            results = ls.run(case, tmp_path / str(count))
         words = [str(one.message) for one in caught if "too long" in str(one.message)]
         work = results.steps[-1].work
         assert len(words) == warned == (abs(work.left) > 0.05 * work.dissipation)

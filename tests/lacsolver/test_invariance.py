@@ -81,7 +81,7 @@ APART = {("rubbing in space", "turned"), ("rubbing in space", "mirrored"), ("bol
 WAYS = [row for row in itertools.product(HARD, ("turned", "mirrored")) if row not in APART]
 
 
-@pytest.mark.parametrize(("name", "way"), WAYS)
+@pytest.mark.parametrize(("name", "way"), each_option(WAYS))
 def test_turned_and_mirrored_and_in_another_order(name, way):
     problem = HARD[name]
     world = turned_world(problem) if way == "turned" else mirrored(problem)

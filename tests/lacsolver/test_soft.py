@@ -248,8 +248,7 @@ TOES = {
 }
 
 
-@pytest.mark.parametrize("name", TOES)
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("name, kinematics", each_option(product(TOES, ("small", "finite"))))
 def test_a_block_comes_down_over_a_gap_and_again_after_it_was_let_go(name, kinematics):
     """Nothing but contact holds it down, and where the curve begins it has no slope."""
     mesh = stacked(rectangle(2), rectangle((3, 2)).renamed(left="side"), gap=0.05)
