@@ -80,7 +80,8 @@ def find_stars(
     no star, as one pressure for two of them costs the displacement its order. `join`: faces that no star reaches join
     others across creases.
     """
-    order = _by_place(_middles(mesh.points, faces))
+    x = np.where((faces.corners >= 0)[..., None], mesh.points[faces.corners], 0.0)
+    order = _by_place(x.sum(axis=1) / N_CORNERS[faces.type][:, None])
     faces, zone = faces.take(order), zone[order]
     skin = _skin(mesh, faces, zone, crease_angle)
     whole = whole_faces(faces)
@@ -102,11 +103,6 @@ def _numbered(macro: Ints, carrier: Ints) -> Stars:
     old = values[np.argsort(first)]
     new = np.append(places_of(old, len(carrier)), -1)
     return Stars(new[macro], carrier[old])
-
-
-def _middles(points: Floats, faces: Faces) -> Floats:
-    x = np.where((faces.corners >= 0)[..., None], points[faces.corners], 0.0)
-    return x.sum(axis=1) / N_CORNERS[faces.type][:, None]
 
 
 def _by_place(x: Floats) -> Ints:

@@ -268,8 +268,7 @@ def _stars() -> Iterator[Case]:
         pairs = tuple((slave, master) for slave in kinds for master in kinds)
         for joint in ("contact", "tie"):
             given = Press(pairs, model, contact=(("macro", "stars"),), joint=joint)
-            description = f"{joint}, stars, {model}: every kind against every kind"
-            yield _case(["stars", joint, f"{given.dim}d"], description, given, False, 120.0)
+            yield _case(["stars", joint, f"{given.dim}d"], f"stars, {joint}: every pair of kinds", given, False, 120.0)
 
 
 def _others() -> Iterator[Case]:
