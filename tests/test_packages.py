@@ -132,6 +132,7 @@ def user(built, tmp_path_factory):
     return folder, environment(folder / "env", built[0])
 
 
+@pytest.mark.slow
 @pytest.mark.vtk
 def test_the_readme_and_a_first_program_run_with_what_the_install_line_brings(user, built):
     folder, _ = user

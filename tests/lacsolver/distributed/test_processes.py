@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import time
+from dataclasses import MISSING
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.case import Solver, read_case
+from lacsolver.case.keys import defaults_of
 from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.equilibrium.load_step import LoadStep
@@ -26,6 +28,7 @@ from lacsolver.saddle.shared_stiffness import SharedFactors
 from tests.lacsolver.distributed.cases import CASES, JOINED
 from tests.lacsolver.distributed.mpi import ROOT, printed
 from tests.problems import PROBLEMS
+from tests.samples import each_option
 from verification.families.distributed import FAMILY, problems
 from verification.families.distributed import run as run_family
 
@@ -33,11 +36,28 @@ pytestmark = pytest.mark.petsc
 #: but one that finds no equilibrium, and those whose springs between nodes, or whole rings, are of one process only
 CORPUS = [name for name in PROBLEMS if not name.startswith(("given up", "linked", "sector"))]
 OWN = [*CASES]
+
+
+def options_of(row):
+    """The records of a problem, and its keys that are no default, with their words."""
+    problem = PROBLEMS[row[0]]
+    for record in problem.records:
+        yield record.SECTION.name
+        for key, default in defaults_of(record).items():
+            value = getattr(record, key)
+            if default is not MISSING and value != default:
+                yield record.SECTION.name, key, value if isinstance(value, str) else ""
+    yield from problem.keys.items()
+
+
+#: problems of the corpus that together have every record and option, and the others
+SOME = [row.values[0] for row in each_option([(name,) for name in CORPUS], options_of) if not row.marks]
+OTHERS = [name for name in CORPUS if name not in SOME]
 #: the ranks, of four processes that are started once, the backend, and the cases; rows that share no rank are solved
 #: side by side
 QUICK = [
-    ([0, 1], "mumps", CORPUS[::2]),
-    ([2, 3], "mumps", CORPUS[1::2]),
+    ([0, 1], "mumps", SOME[::2]),
+    ([2, 3], "mumps", SOME[1::2]),
     ([0, 1], "mumps", OWN[::4]),
     ([2, 3], "mumps", OWN[2::4]),
     ([0, 1, 2], "multigrid", OWN[:2] + [*JOINED][:2]),
@@ -46,6 +66,8 @@ QUICK = [
     ([0, 1, 2, 3], "hypre", OWN[:1]),
 ]
 SLOW = [
+    ([0, 1], "mumps", OTHERS[::2]),
+    ([2, 3], "mumps", OTHERS[1::2]),
     ([0, 1], "multigrid", CORPUS[::2] + OWN[1::4]),
     ([2, 3], "multigrid", CORPUS[1::2] + OWN[3::4]),
     ([0, 1, 2], "multigrid", OWN[2:]),
