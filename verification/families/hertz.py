@@ -261,8 +261,7 @@ _OVER_CUT = {"energy": 1.05, "p_m": 1.8, "recovered": 1.8}
 
 def over_cut(given: Given, *, levels: int) -> Outcome:
     """Errors with stars over those of the cut, on so many meshes, in which the edge of contact lies in other places."""
-    macros = ("stars", "cut")
-    both = [[solve_level(replace(given, macro=one), level) for one in macros] for level in range(levels)]
+    both = [[solve_level(replace(given, macro=one), level) for one in ("stars", "cut")] for level in range(levels)]
     results = []
     for name, most in _OVER_CUT.items():
         over = [stars.errors[name] / cut.errors[name] for stars, cut in both]
