@@ -69,7 +69,7 @@ class Slave(NamedTuple):
 
     `area` (n,); `centroid` (n, 3); `moment` (n, 3, 3): mean of d d with d from the centroid; `means` M (n, k): means of
     nodal values; `touch` (k, n): 1 if the node belongs to a face of the macro-element; `trust` (n,): weight in fits
-    over the area; `ends` (n,): True if the contact may end within, as faces are linear or an open one is merged into it;
+    over the area; `ends` (n,): True if the contact may end within: linear faces, or a set that has an open one;
     `dim` of the surface.
     """
 
