@@ -30,9 +30,6 @@ from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, concatenated, places_of, spec_list
 from lacmesh.topology.skin import TYPE_CODE
 
-#: how slave faces become macro-elements: each by a cut, or several as they are
-MACROS = ("cut", "stars")
-
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
 
@@ -87,7 +84,7 @@ def cut_skin(
         ("interface", interface, ("both", "refuse")),
         ("orient", orient, ("keep", "outward")),
         ("node_groups", node_groups, ("extend", "keep")),
-        ("macro", macro, MACROS),
+        ("macro", macro, ("cut", "stars")),
         ("rest", rest, ("cut", "join")),
     ):
         if value not in allowed:
@@ -113,7 +110,7 @@ def cut_skin(
             pairs=pairs,
             join=rest == "join",
         )
-        _tell_of_rest(mesh, selection, stars, rest, pairs)
+        _warn_of_rest(mesh, selection, stars, rest, pairs)
     else:
         stars = whole_faces(selection.faces)
     subdivision = subdivide(mesh, selection, stars.macro >= 0, hexa, skin_only, ring, depth)
@@ -139,7 +136,7 @@ def _macros(cut: CutFaces, stars: Stars, n_nodes: int) -> tuple[Ints, Ints]:
     return number[label], owner
 
 
-def _tell_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str, pairs: bool) -> None:
+def _warn_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str, pairs: bool) -> None:
     """Warn of faces that are in no star. Raises CutError if they were to be joined."""
     cells = selection.slave[stars.macro < 0]
     if not len(cells):
