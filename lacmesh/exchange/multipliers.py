@@ -70,11 +70,12 @@ def aster_multipliers(cut: Cut) -> Multipliers:
     code = np.zeros(cut.n_macros, np.int64)
     for kind, cells, connectivity in mesh.select(faces):
         rows = np.searchsorted(faces, cells)
-        key = size[macro[rows]] * 64 + cut.child_kind[cells]
-        for value in np.unique(key):
-            at = np.flatnonzero(key == value)
-            patch, carriers = _PATCHES.get((kind, int(value) // 64), (0, ()))
-            places = carriers[int(value) % 64 - 1] if int(value) % 64 <= len(carriers) else ()
+        base = int(size.max()) + 1
+        key = size[macro[rows]] * base + cut.child_kind[cells]
+        for value in np.unique(key).tolist():
+            at, (n_faces, rank) = np.flatnonzero(key == value), divmod(value, base)
+            patch, carriers = _PATCHES.get((kind, n_faces), (0, ()))
+            places = carriers[rank - 1] if rank <= len(carriers) else ()
             corners = [k for k in range(CELLS[kind].n_corners) if k not in places]
             others = connectivity[at][:, corners]
             if not places or (cut.macro_of_node[others] == macro[rows[at], None]).any():

@@ -73,7 +73,7 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
 def slaves_of(case: Case, mesh: Mesh) -> tuple[list[str], dict[str, Any]]:
     """Return the groups to be cut in a mesh, and the options of their cut. Raises as `with_roles`."""
     done = with_roles(case, mesh)
-    return [record.slave for record in (*done.contact, *done.ties)], done.cut_options()
+    return list(dict.fromkeys(record.slave for record in (*done.contact, *done.ties))), done.cut_options()
 
 
 def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:
