@@ -35,10 +35,7 @@ class CutOptions:
     node_groups: Annotated[
         Literal["extend", "keep"], Option(help="extend: new nodes between nodes of a set join it")
     ] = "extend"
-    macro: Annotated[
-        Literal["cut", "stars"],
-        Option(help="macro-elements: each face is cut into one, or faces around a node are one and nothing is cut"),
-    ] = "cut"
+    macro: Annotated[Literal["cut", "stars"], Option(help="cut each face, or join faces around nodes, uncut")] = "cut"
     rest: Annotated[Literal["cut", "join"], Option(help="with stars: faces that none reaches")] = "cut"
     pairs: Annotated[bool, Option("--pairs", help="with stars: QUAD8 are joined in pairs, not cut")] = False
 

@@ -100,15 +100,10 @@ def cut_skin(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
     if macro == "stars":
-        fixed = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
+        held = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
+        angle = 40.0 if crease_angle is None else crease_angle
         stars = find_stars(
-            mesh,
-            selection.faces,
-            selection.zone,
-            crease_angle=40.0 if crease_angle is None else crease_angle,
-            held=fixed,
-            pairs=pairs,
-            join=rest == "join",
+            mesh, selection.faces, selection.zone, crease_angle=angle, held=held, pairs=pairs, join=rest == "join"
         )
         _warn_of_rest(mesh, selection, stars, rest, pairs)
     else:

@@ -30,7 +30,17 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.orientation import face_normals
-from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, N_CORNERS, N_NODES, TYPE_CODE, Faces, edge_uses
+from lacmesh.topology.skin import (
+    FACE_TYPES,
+    MAX_CORNERS,
+    MAX_NODES,
+    N_CORNERS,
+    N_NODES,
+    TYPE_CODE,
+    Faces,
+    edge_uses,
+    mid_nodes,
+)
 
 Array = NDArray[Any]
 #: least integral of a carrier's function, as a part of its star's area
@@ -38,6 +48,8 @@ LEAST = 0.05
 #: grid on which places are compared, as a part of the skin's size: what is equal but for rounding is in one cell
 _GRID = 1e-6
 _DEGREE = 6
+#: in place of a cost: the face is in a star
+_STAR = -(2**62)
 #: by the codes of face types: True for those that own a dof as they are, and the node that carries it
 WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 _CENTRE = np.array([WHOLE_FACES.get(name, 0) for name in FACE_TYPES])
@@ -87,22 +99,15 @@ def find_stars(
     whole = whole_faces(faces)
     out = (whole.macro >= 0) | ((faces.type == TYPE_CODE["QUAD8"]) & (not pairs))
     fixed = mask_of(mesh.n_nodes, skin.rim, *([] if held is None else [held]))
-    carrier = np.concatenate([_seeds(*_carriers(mesh, faces, skin, fixed, out), skin.across), whole.carrier])
-    macro = np.where(faces.nodes >= 0, places_of(carrier, mesh.n_nodes)[faces.nodes], -1).max(axis=1)
     inside = faces.nodes >= 0
-    integral = np.bincount(faces.nodes[inside], skin.value[inside], mesh.n_nodes)[carrier]
+    integral = np.bincount(faces.nodes[inside], skin.value[inside], mesh.n_nodes)
+    carriers = _carriers(mesh, faces, skin, integral, fixed, out)
+    carrier = np.concatenate([_seeds(*carriers, skin.across), whole.carrier])
+    macro = np.where(inside, places_of(carrier, mesh.n_nodes)[faces.nodes], -1).max(axis=1)
     for graph in (skin, _skin(mesh, faces, zone, 180.0)) if join else (skin,):
         total = np.bincount(macro[macro >= 0], skin.size[macro >= 0], len(carrier))
-        _join(graph.across, graph.length, skin.size, ~out, macro, total, integral)
-    return _numbered(macro[np.argsort(order)], carrier)
-
-
-def _numbered(macro: Ints, carrier: Ints) -> Stars:
-    """Number macro-elements by their first faces."""
-    values, first = np.unique(macro[macro >= 0], return_index=True)
-    old = values[np.argsort(first)]
-    new = np.append(places_of(old, len(carrier)), -1)
-    return Stars(new[macro], carrier[old])
+        _join(graph.across, graph.length, skin.size, ~out, macro, total, integral[carrier])
+    return Stars(macro[np.argsort(order)], carrier)
 
 
 def _by_place(x: Floats) -> Ints:
@@ -119,9 +124,8 @@ def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     """Return the graph of the faces. An edge is a rim with one face or more than two, between zones, at a crease."""
     uses = edge_uses(faces)
     order = np.argsort(uses.edge, kind="stable")
-    count = np.bincount(uses.edge)[uses.edge[order]]
-    first = np.flatnonzero((np.diff(uses.edge[order], prepend=-1) != 0) & (count == 2))
-    a, b = order[first], order[first + 1]
+    two = np.bincount(uses.edge)[uses.edge[order]] == 2
+    a, b = order[two].reshape(-1, 2).T
     f, g = uses.face[a], uses.face[b]
     normal = face_normals(mesh, faces)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
@@ -136,16 +140,9 @@ def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
         length[uses.face[one], uses.place[one]] = edge
     rim = np.ones(len(uses.edge), bool)
     rim[a] = rim[b] = False
-    nodes = np.concatenate([uses.start[rim], uses.stop[rim], _mid_nodes(faces, uses.face[rim], uses.place[rim])])
+    nodes = np.concatenate([uses.start[rim], uses.stop[rim], mid_nodes(faces, uses.face[rim], uses.place[rim])])
     value = node_integrals(mesh.points, faces)
     return _Skin(across, length, value.sum(axis=1), value, np.unique(nodes[nodes >= 0]))
-
-
-def _mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
-    """Nodes in the middle of edges of quadratic surfaces, by face and place (k,); -1 for others."""
-    n = N_CORNERS[faces.type[face]]
-    has = (n > 2) & (N_NODES[faces.type[face]] > n)
-    return np.where(has, faces.nodes[face, np.where(has, n + place, 0)], -1)
 
 
 def node_integrals(points: Floats, faces: Faces) -> Floats:
@@ -165,12 +162,11 @@ def node_integrals(points: Floats, faces: Faces) -> Floats:
 
 
 def _carriers(
-    mesh: Mesh, faces: Faces, skin: _Skin, fixed: NDArray[np.bool_], out: NDArray[np.bool_]
+    mesh: Mesh, faces: Faces, skin: _Skin, integral: Array, fixed: NDArray[np.bool_], out: NDArray[np.bool_]
 ) -> tuple[Ints, Ints]:
     """Return the nodes (c,) that can carry a dof of their star, by place; (f, 9): the carriers on faces, or -1."""
     face, k = np.nonzero(faces.nodes >= 0)
     node = faces.nodes[face, k]
-    integral = np.bincount(node, skin.value[face, k], mesh.n_nodes)
     size = np.bincount(node, skin.size[face], mesh.n_nodes)
     good = (integral >= LEAST * size) & (size > 0) & _connected(faces, skin.across, mesh.n_nodes)
     good[fixed] = False
@@ -185,23 +181,13 @@ def _carriers(
 
 def _connected(faces: Faces, across: Ints, n_nodes: int) -> NDArray[np.bool_]:
     """(n_nodes,): True for nodes whose faces are joined across edges at the node."""
-    face, k = np.nonzero(faces.nodes >= 0)
-    node, entry = faces.nodes[face, k], np.full(faces.nodes.shape, -1)
-    entry[face, k] = np.arange(len(face))
+    inside = faces.nodes >= 0
+    entry, node = np.cumsum(inside).reshape(inside.shape) - 1, faces.nodes[inside]
     f, place = np.nonzero(across > np.arange(len(faces))[:, None])
-    n, g = N_CORNERS[faces.type[f]], across[f, place]
-    ends = [faces.nodes[f, place], np.where(n > 2, faces.nodes[f, (place + 1) % n], -1), _mid_nodes(faces, f, place)]
-    pairs = []
-    for end in ends:  # nodes that both faces of an edge have
-        at = np.flatnonzero(end >= 0)
-        mine, theirs = (entry[side, (faces.nodes[side] == end[at, None]).argmax(axis=1)] for side in (f[at], g[at]))
-        pairs.append((mine, theirs))
-    one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    part = label_components(one, other, len(face))
-    low, high = np.full(n_nodes, len(face)), np.full(n_nodes, -1)
-    np.minimum.at(low, node, part)
-    np.maximum.at(high, node, part)
-    return low == high
+    g = across[f, place]
+    pair, i, j = np.nonzero((faces.nodes[f, :, None] == faces.nodes[g, None]) & inside[f, :, None])
+    part = label_components(entry[f[pair], i], entry[g[pair], j], len(node))
+    return np.bincount(node[np.unique(part, return_index=True)[1]], minlength=n_nodes) == 1
 
 
 def _seeds(node: Ints, on: Ints, across: Ints) -> Ints:
@@ -217,11 +203,9 @@ def _seeds(node: Ints, on: Ints, across: Ints) -> Ints:
     pair = (a >= 0) & (b >= 0) & (a != b)
     key = np.unique(a[pair] * np.int64(len(node)) + b[pair])
     beside, start = key % len(node), np.searchsorted(key // len(node), np.arange(len(node) + 1))
-    sets = []
-    for front in (False, True):
-        chosen = _choose(start, beside, star_start, star, on, across, front)
+    sets = [_choose(start, beside, star_start, star, on, across, front) for front in (False, True)]
+    for chosen in sets:
         _swap(start, beside, chosen)
-        sets.append(chosen)
     return node[max(sets, key=np.count_nonzero)]
 
 
@@ -245,20 +229,18 @@ def _choose(
         if closed[c] or a[c] != first or b[c] != second:
             continue
         chosen[c] = closed[c] = True
-        for i in range(start[c], start[c + 1]):
-            other = beside[i]
+        for other in beside[start[c] : start[c + 1]]:
             if closed[other]:
                 continue
             closed[other] = True
-            for j in range(start[other], start[other + 1]):
-                d = beside[j]
+            for d in beside[start[other] : start[other + 1]]:
                 if not closed[d]:
                     free[d] -= 1
                     heappush(heap, (a[d], b[d], size[d], d))
-        for i in range(star_start[c], star_start[c + 1]):
-            taken[star[i]] = True
-        for i in range(star_start[c], star_start[c + 1]):
-            for g in across[star[i]]:
+        faces = star[star_start[c] : star_start[c + 1]]
+        taken[faces] = True
+        for f in faces:
+            for g in across[f]:
                 if g < 0 or taken[g]:
                     continue
                 for d in on[g]:
@@ -271,55 +253,37 @@ def _choose(
 @kernel
 def _swap(start: Array, beside: Array, chosen: Array) -> None:
     """Take two carriers in place of one wherever that is possible, and every carrier that becomes free."""
-    n = len(start) - 1
-    tight = np.zeros(n, np.int64)
-    for c in range(n):
-        if chosen[c]:
-            for i in range(start[c], start[c + 1]):
-                tight[beside[i]] += 1
-    near = np.zeros(n, np.bool_)
-    single = np.empty(n, np.int64)
+    around = np.zeros(len(chosen), np.int64)  # number of chosen carriers beside each
+    for own in np.flatnonzero(chosen):
+        around[beside[start[own] : start[own + 1]]] += 1
     again = True
     while again:
         again = False
-        for c in range(n):
+        for c in range(len(chosen)):
             if not chosen[c]:
                 continue
-            count = 0
-            for i in range(start[c], start[c + 1]):
-                if tight[beside[i]] == 1:
-                    single[count] = beside[i]
-                    count += 1
-            found = False
-            for i in range(count):
-                a = single[i]
-                for j in range(start[a], start[a + 1]):
-                    near[beside[j]] = True
-                for j in range(i + 1, count):
-                    if not near[single[j]]:
-                        found = True
-                        b = single[j]
-                        break
-                for j in range(start[a], start[a + 1]):
-                    near[beside[j]] = False
-                if found:
-                    break
-            if not found:
+            near = beside[start[c] : start[c + 1]]
+            single = near[around[near] == 1]
+            a, b = _apart(start, beside, single)
+            if a < 0:
                 continue
-            again = True
-            chosen[c] = False
-            for i in range(start[c], start[c + 1]):
-                tight[beside[i]] -= 1
-            for new in (a, b):
-                chosen[new] = True
-                for i in range(start[new], start[new + 1]):
-                    tight[beside[i]] += 1
-            for i in range(count):
-                d = single[i]
-                if tight[d] == 0 and not chosen[d]:
+            again, chosen[c] = True, False
+            around[near] -= 1
+            for d in np.concatenate((np.array([a, b]), single)):
+                if around[d] == 0 and not chosen[d]:
                     chosen[d] = True
-                    for j in range(start[d], start[d + 1]):
-                        tight[beside[j]] += 1
+                    around[beside[start[d] : start[d + 1]]] += 1
+
+
+@kernel
+def _apart(start: Array, beside: Array, some: Array) -> tuple[int, int]:
+    """Return the first two of `some` carriers, in ascending order, that are not beside one another, or -1 twice."""
+    for a in some:
+        near = beside[start[a] : start[a + 1]]
+        for b in some:
+            if b > a and not (near == b).any():
+                return a, b
+    return -1, -1
 
 
 # ---- faces left over
@@ -331,24 +295,18 @@ def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, 
 
     `total` (m,): sizes of the macro-elements; `integral` (m,): of their carriers' functions.
     """
-    heap: Any = [(np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
-    heap.pop()
-    for f in range(len(macro)):
-        if free[f]:
-            for g in across[f]:
-                if g >= 0 and macro[g] >= 0:
-                    m = macro[g]
-                    heappush(heap, (_cost(across, length, size, macro, total, integral, f, m), np.int64(f), m))
+    heap: Any = [(np.int64(_STAR), np.int64(f), np.int64(macro[f])) for f in np.flatnonzero(macro >= 0)]
     while len(heap) > 0:
         cost, f, m = heappop(heap)
-        if macro[f] >= 0:
-            continue
-        now = _cost(across, length, size, macro, total, integral, f, m)
-        if now != cost:
-            heappush(heap, (now, f, m))
-            continue
-        macro[f] = m
-        total[m] += size[f]
+        if cost != _STAR:
+            if macro[f] >= 0:
+                continue
+            now = _cost(across, length, size, macro, total, integral, f, m)
+            if now != cost:
+                heappush(heap, (now, f, m))
+                continue
+            macro[f] = m
+            total[m] += size[f]
         for g in across[f]:
             if g >= 0 and free[g] and macro[g] < 0:
                 heappush(heap, (_cost(across, length, size, macro, total, integral, g, m), np.int64(g), m))

@@ -320,11 +320,15 @@ def boundary_edges(faces: Faces) -> Ints:
     """(e, 3): the nodes of the edges that one face has alone: start, stop, mid-node; -1 for what there is not."""
     uses = edge_uses(faces)
     alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
-    face, place = uses.face[alone], uses.place[alone]
+    middle = mid_nodes(faces, uses.face[alone], uses.place[alone])
+    return np.column_stack([uses.start[alone], uses.stop[alone], middle])
+
+
+def mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
+    """(k,): the nodes in the middle of edges, each a place on a face; -1 on linear faces, and in the plane."""
     n = N_CORNERS[faces.type[face]]
     linear = (n == 2) | (N_NODES[faces.type[face]] == n)
-    middle = np.where(linear, -1, faces.nodes[face, np.where(linear, 0, n + place)])
-    return np.column_stack([uses.start[alone], uses.stop[alone], middle])
+    return np.where(linear, -1, faces.nodes[face, np.where(linear, 0, n + place)])
 
 
 def neighbours(faces: Faces) -> Ints:

@@ -18,7 +18,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
 from lacmesh.partition.parts import skin_name
 from lacsolver.distributed.mpi import MpiCommunicator
-from lacsolver.distributed.share import ALONE, Distribution, Share
+from lacsolver.distributed.share import ALONE, Distribution, Share, Slaves
 
 #: bytes of a mesh file from which on the first process alone reads it; every process reads a smaller one
 LARGE = 1 << 26
@@ -37,16 +37,10 @@ class Processes(Distribution):
         """True once a mesh was read of which each process has its part."""
         return self._part is not None
 
-    def read(
-        self,
-        path: Path,
-        skins: Sequence[str],
-        slaves: Callable[[Mesh], tuple[list[str], dict[str, Any]]],
-        whole: bool = False,
-    ) -> Mesh:
+    def read(self, path: Path, skins: Sequence[str], slaves: Slaves, whole: bool = False) -> Mesh:
         """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, and the options of their cut;
+        `skins`: groups that all processes need; `slaves`: those to cut, and how;
         `whole`: True for the whole mesh of a large file, too. Raises ReadError, CutError, and RequestError for a folder
         with parts for another number of processes.
         """

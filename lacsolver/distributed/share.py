@@ -22,6 +22,9 @@ from lacmesh.mesh import Floats, Ints, Mesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+#: groups to cut in a mesh, and the options of their cut
+Slaves = Callable[[Mesh], tuple[list[str], dict[str, Any]]]
+
 
 class Share(Communicator):
     """The share of a process that has the whole model; `processes.ProcessShare` is that of one of several.
@@ -66,16 +69,10 @@ class Distribution:
 
     divided = False
 
-    def read(
-        self,
-        path: Path,
-        skins: Sequence[str],
-        slaves: Callable[[Mesh], tuple[list[str], dict[str, Any]]],
-        whole: bool = False,
-    ) -> Mesh:
+    def read(self, path: Path, skins: Sequence[str], slaves: Slaves, whole: bool = False) -> Mesh:
         """Return the mesh of a file, or a part of one that has been divided, with its slaves cut.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, and the options of their cut.
+        `skins`: groups that all processes need; `slaves`: those to cut, and how.
         `whole`: True if every process needs the whole mesh of a file first. Raises ReadError, and RequestError for a
         mesh that is divided otherwise.
         """

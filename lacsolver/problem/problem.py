@@ -232,11 +232,12 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
     """True if a problem has the space of this case on this mesh: the same model, slaves and masters."""
 
     def settings(case: Case) -> tuple:
-        skins = tuple(
-            (record.slave, record.master, record.hexa, record.macro) for record in (*case.contact, *case.ties)
-        )
+        pairs = (*case.contact, *case.ties)
+        skins = [(pair.slave, pair.master, pair.hexa, pair.macro) for pair in pairs]
+        rims = [*(pair.crease_angle for pair in pairs), *(record.group for record in case.displacement)]
+        stars = any(pair.macro == "stars" for pair in pairs) and rims
         moves = [(record.adjust, record.surface, record.crease_angle) for record in case.contact if record.adjust]
-        return case.model, case.thickness, skins, moves, [record.group for record in case.pretension]
+        return case.model, case.thickness, skins, stars, moves, [record.group for record in case.pretension]
 
     return distribution is UNDIVIDED and like.source is mesh and settings(case) == settings(like.case)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lacmesh.mesh import Floats, Mesh
+from lacmesh.mesh import Floats
 from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.contact import Zone
 from lacsolver.problem.hypothesis import ALTERNATING, finer, judged
@@ -44,7 +44,10 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:
             message += f"{100 * within:.0f} % from the mean of their neighbours' inside the area of contact, which is "
-            stars = 'macro = "stars" on the uncut mesh, ' if _cut_linear(joint.zone, problem.space.mesh) else ""
+            mesh, slave = problem.space.mesh, joint.zone.slave
+            parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))[slave.cell]
+            cut = np.isin(slave.faces.type, _LINEAR) & (parent >= 0)
+            stars = 'macro = "stars" on the uncut mesh, ' if cut.any() else ""
             message += (
                 f"the mesh and not the contact; {stars}quadratic cells, or slave and master exchanged lessen it, "
             )
@@ -63,12 +66,6 @@ def roughness(zone: Zone, pressure: Floats, chosen: np.ndarray | None = None) ->
     on = (n > 1) & (p + mean > 0) & (True if chosen is None else chosen)
     total = float((p + mean)[on].sum())
     return float(np.abs(p - mean)[on].sum()) / total if np.count_nonzero(on) >= _FEWEST else 0.0
-
-
-def _cut_linear(zone: Zone, mesh: Mesh) -> bool:
-    """Return whether macro-elements of a zone are of linear faces that were cut."""
-    parent, linear = mesh.cell_data.get("lac_parent"), np.isin(zone.slave.faces.type, _LINEAR)
-    return parent is not None and bool((linear & (parent[zone.slave.cell] >= 0)).any())
 
 
 def _pairs(zone: Zone) -> tuple[np.ndarray, np.ndarray]:

@@ -27,11 +27,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.quadrature import rule
 from lacsolver.bodies.small.fields import scatter
 from lacsolver.results.patches import patches_of
 
@@ -152,9 +153,8 @@ def _fit_piece(
 def _root(slave: Slave, basis: _Basis, g: Ints, given: Floats) -> NDArray[np.floating]:
     """Return the coefficients (k, terms) of parabolas whose roots have the means `given` (r,) over macro-elements g."""
     wanted, ends = given**2, slave.ends[g]
-    X, w = leggauss(_FINE)
-    grid = np.stack(np.meshgrid(*[X] * slave.dim, indexing="ij"), axis=-1).reshape(-1, slave.dim)
-    weight = np.prod(np.stack(np.meshgrid(*[w / 2] * slave.dim), axis=-1), axis=-1).ravel()
+    grid, weight = rule(CELLS[{1: "SEG2", 2: "QUAD4"}[slave.dim]].family, 2 * _FINE - 1)
+    weight = weight / weight.sum()
     middle, off = basis.middle[ends], basis.off[ends] * np.sqrt(3 / slave.dim)
     points = _powers(middle[:, None] + np.einsum("pm,rmn->rpn", grid, off))
     before = np.stack([wanted, np.zeros(len(given))])

@@ -89,7 +89,9 @@ def recover_pressure(
     slave = _slave(ours, macro[macro >= 0], status == UNPAIRED, axisymmetric)
     contact = (status >= CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
-    p, scatter = _nodal_parabolas(slave, means, contact)
+    touch = only(slave.touch, contact)
+    values, scatter = fitted(slave, touch, means)
+    p = nodal_means(touch, values)
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)
         edge = beside(slave.touch, opened, 1) & contact
@@ -144,16 +146,6 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> 
     return np.array([*_RIM, 1.0])[steps]
 
 
-def _nodal_parabolas(slave: Slave, means: Floats, contact: Bools) -> tuple[NDArray[np.floating], Floats]:
-    """Return nodal values (k,) of parabolas fitted to the means in contact, and the scatter (n,) of the means.
-
-    Nodes of no such macro-element have 0.
-    """
-    touch = only(slave.touch, contact)
-    values, scatter = fitted(slave, touch, means)
-    return nodal_means(touch, values), scatter
-
-
 def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opened: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
 
@@ -162,8 +154,7 @@ def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opene
     """
     merged, W = _merged(slave, contact, edge, beside(slave.touch, edge, 1) & opened & slave.ends)
     if len(merged.area) < LEAST[slave.dim]:
-        none = np.zeros_like(edge)
-        merged, W = _merged(slave, contact, none, none)
+        merged, W = _merged(slave, contact, edge & False, edge & False)
     q, _ = fitted(merged, merged.touch, W @ means, root=True)
     return np.sqrt(np.maximum(nodal_means(merged.touch, q), 0.0))
 

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -223,8 +222,8 @@ def solve_stars(file: str, *, levels: int) -> Outcome:
     fit = finished(Problem.of(replace(case, contact=(replace(case.contact[0], macro="stars"),))))
     zone, goals = fit.zone, {2: 0.17, 3: 0.10, 4: 0.08}
     rms = float(np.sqrt(zone.area @ (zone.pressure / _PRESSURE - 1) ** 2 / zone.area.sum()))
-    octant = (PressFit("TETRA4", counts=((n, 3 * n), (n, 3 * n + 1)), macro="stars") for n in goals)
-    octants = [solution(one, 0) for one in islice(octant, levels + 1)]
+    sides = [((n, 3 * n), (n, 3 * n + 1)) for n in goals][: levels + 1]
+    octants = [solution(PressFit("TETRA4", counts=counts, macro="stars"), 0) for counts in sides]
     errors = [one.errors["pressure"] for one in octants]
     reason = "the goal, and below the mesh before; errors of the cut are 2.3 times as large"
     return Outcome((
