@@ -158,3 +158,18 @@ def test_the_press_fit_of_tetrahedra_is_even_and_the_warning_of_its_cut_names_st
         assert 'macro = "stars"' in told[0]
     else:
         assert told == [] and np.sqrt(np.mean(off**2)) <= 0.03 and off.min() > -0.05
+
+
+def test_a_problem_has_new_stars_where_displacements_of_other_nodes_are_given():
+    mesh = stack(box((5, 5, 1), kind="HEXA8"), box((4, 4, 1), kind="HEXA8"))
+    carriers = lacmesh.cut_skin(mesh, "slave", macro="stars").mesh.node_data["lac_internal"] >= 0
+    mesh = replace(mesh, node_groups={"some": np.flatnonzero(carriers)[:1]})
+    fixed = (ls.Displacement(group="bottom", ux=0, uy=0, uz=0), ls.Displacement(group="top", ux=0, uy=0, uz=-1e-3))
+    case = ls.Case(
+        model="3d", material=[ls.Material(young=1.0, poisson=0.3)], displacement=fixed,
+        contact=[ls.Contact(slave="slave", master="master", macro="stars")],
+    )  # fmt: skip
+    problem = Problem.of(case, mesh)
+    other = Problem.of(replace(case, displacement=(*fixed, ls.Displacement(group="some", ux=0))), mesh, like=problem)
+    own, others = (one.space.mesh.node_data["lac_internal"][mesh.node_groups["some"]] >= 0 for one in (problem, other))
+    assert own.all() and not others.any()
