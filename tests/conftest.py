@@ -29,10 +29,10 @@ SHARED = Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared")
 NEEDS = {
     "gmsh": "gmsh", "vtk": "pyvista", "medcoupling": "medcoupling", "meshio": "meshio netCDF4", "trimesh": "trimesh",
     "felupe": "felupe", "ngsolve": "ngsolve", "mfem": "mfem", "sfepy": "sfepy", "dolfinx": "dolfinx",
-    "browser": "$chromium", "calculix": "$ccx", "paraview": "$pvbatch $Xvfb", "compiler": "$g++", "petsc": "$mpiexec",
+    "browser": "$chromium", "calculix": "$ccx", "compiler": "$g++", "petsc": "$mpiexec",
 }  # fmt: skip
 #: marks that a machine may lack even under `make test`
-FORGIVEN = {"shared", "paraview", "compiler", "felupe", "ngsolve", "mfem", "sfepy", "dolfinx"}
+FORGIVEN = {"shared", "compiler", "felupe", "ngsolve", "mfem", "sfepy", "dolfinx"}
 #: doctests that need pyvista: no mark can be set in a docstring
 DRAWN_EXAMPLES = {"lacsolver.pictures.drawing.plot", "lacsolver.pictures.filming.film"}
 EVERYTHING = os.environ.get("LACMESH_ALL") == "1"
