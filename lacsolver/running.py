@@ -307,7 +307,8 @@ def _never_closed(problem: Problem, results: Results) -> Iterator[str]:
     zones = [zone for step in results.steps for zone in step.contact.values()]
     gap = min((zone.gap_min for zone in zones if zone.open), default=0.0)
     if gap > _APART * np.ptp(problem.space.mesh.points, axis=0).max() and not any(zone.active for zone in zones):
-        yield f"no contact closed at any step; check the signs of loads and displacements, and the gap, {gap:.4g} at least"
+        message = "no contact closed at any step; check the signs of loads and displacements"
+        yield f"{message}, and the gap, {gap:.4g} at least"
 
 
 def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
