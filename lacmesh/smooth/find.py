@@ -72,6 +72,12 @@ class Sought:
     rough: Fits
     free: Bools
 
+    @property
+    def fitted(self) -> Bools:
+        """(f,): free faces with a fit at each corner."""
+        node = self.whole.node
+        return np.asarray(self.free & (self.fits.known[node] | (node < 0)).all(axis=1))
+
 
 def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
     """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""

@@ -15,17 +15,17 @@ from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes, numbers_of, shapes_of_few
-from lacmesh.smooth.local import centre_heights, edge_heights
+from lacmesh.smooth.local import centre_heights, cubic_heights, edge_heights
 from lacmesh.smooth.parents import Bools, Parents, SmoothPatches, are_straight, by_corners, inverse, parents_of
 from lacmesh.smooth.shape import Shape
-from lacmesh.surface.maps import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.maps import N_HEIGHTS, QUADRATIC, Height, functions_of_heights
 from lacmesh.surface.normals import CREASE_ANGLE, normals_of, unit
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
 _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC if CELLS[name].order == 1])
-#: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
-_OVER = 5
+#: most heights over a face as the user meshed it: at the middles of its edges; a quadrangle's centre, or cubics
+_OVER = 8
 #: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
 ROUNDING = 1e-6
 
@@ -46,7 +46,7 @@ class Smooth:
 
     @property
     def heights(self) -> tuple[Floats, Bools]:
-        """(k, 5): heights over the linear parents; (k,): True for parents without a fit at some edge."""
+        """(k, 8): heights over the linear parents; (k,): True for parents without a fit at some edge."""
         return self._found[:2]
 
     @property
@@ -59,7 +59,7 @@ class Smooth:
 
     @cached_property
     def _found(self) -> tuple[Floats, Bools, Floats]:
-        return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
+        return _heights(self.sought, self.parents.faces.n_corners[self.rows])
 
 
 def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
@@ -103,7 +103,7 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
 
 
 def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Floats, Floats]:
-    """(f, 9): heights, and (f, 9, 2): slopes of the smooth surface's normals, at the nodes of the quadratic types.
+    """(f, 10): heights, and (f, 9, 2): slopes of the smooth surface's normals at the nodes of the quadratic types.
 
     The normals are those of exact shapes and of fits, where faces have one, else those of `height`. Faces that a cut
     has made have the distances of an exact shape from their own nodes, along its normals: the quadratic over their
@@ -131,10 +131,8 @@ def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Float
 
 def _sources(smooth: Smooth) -> Ints:
     """(p,): the number of the curved shape that each parent is on; their number for one with fits; -1 for others."""
-    whole, fits = smooth.sought.whole, smooth.sought.fits
-    fitted = smooth.sought.free & (fits.known[whole.node] | (whole.node < 0)).all(axis=1)
     out = np.full(len(smooth.parents.faces), -1)
-    out[smooth.rows[fitted]] = len(smooth.sought.found)
+    out[smooth.rows[smooth.sought.fitted]] = len(smooth.sought.found)
     for number, one in enumerate(smooth.sought.found):
         if one.shape.kind != "plane":
             out[smooth.rows[one.faces]] = number
@@ -159,10 +157,11 @@ def _fitted_normals(smooth: Smooth, rows: Ints, name: str, X: Floats) -> NDArray
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:
-    """(f, 9): heights over the faces at the nodes of their quadratic types, from those `over` (p, 5) their parents.
+    """(f, 10): heights over the faces, as in `Height`, from those `over` (p, 8) their parents.
 
-    The children of a warped quadrangle do not lie on it, nor do mid-nodes exactly: their distance from it is added, and
-    their points are projected into it by inverting its map. `linear`: rows of the parents that have heights.
+    Children have heights at nodes alone. Those of a warped quadrangle do not lie on it, nor do mid-nodes exactly: their
+    distance from it is added, and their points are projected into it by inverting its map. `linear`: rows of the
+    parents that have heights.
     """
     value = np.zeros((len(surface), N_HEIGHTS))
     kind, mother = surface.faces.type, parents.faces.faces.type[parents.of]
@@ -174,7 +173,7 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) ->
         nodes = np.array(CELLS[QUADRATIC[name]].reference)
         n = CELLS[name].n_nodes
         whole = np.flatnonzero(mine & (kind == code) & ~apart)
-        value[whole, n : len(nodes)] = over[parents.of[whole], : len(nodes) - n]
+        value[whole, n:] = over[parents.of[whole], : N_HEIGHTS - n]
         for other in np.unique(mother[mine & apart & (kind == code)]):
             rows, parent = np.flatnonzero(mine & apart & (kind == code) & (mother == other)), FACE_TYPES[other]
             N, dim = shape(name, nodes), CELLS[parent].dim
@@ -183,18 +182,19 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) ->
             ring = np.repeat(ring, len(nodes), axis=0)
             place, _ = inverse(parent, ring, x)
             off = np.einsum("pn,pns->ps", shape(parent, place[:, :dim]), ring) - x
-            M = shape(QUADRATIC[parent], place[:, :dim])[:, CELLS[parent].n_corners :]
+            M = functions_of_heights(parent, place)[:, CELLS[parent].n_corners :]
             own = np.repeat(over[parents.of[rows]], len(nodes), axis=0)[:, : M.shape[1]]
             b = (M * own).sum(axis=1) + (off * np.repeat(normal[rows], len(nodes), axis=0)).sum(axis=1)
             value[rows, : len(nodes)] = b.reshape(len(rows), -1)
     return value
 
 
-def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
-    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge; (f,): as `Smooth.doubt`.
+def _heights(sought: Sought, corners: Ints) -> tuple[Floats, Bools, Floats]:
+    """(f, 8): heights over the faces; (f,): True for free form without a fit at some edge; (f,): as `Smooth.doubt`.
 
-    `four` (f,): quadrangles.
+    `corners` (f,): their number.
     """
+    four = corners == 4
     patches, sides = sought.whole, NodeShapes.of(sought)
     n = len(patches.patch)
     value, lacking, doubt = np.zeros((n, _OVER)), np.zeros(n, bool), np.zeros(n)
@@ -214,6 +214,7 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
     length = np.linalg.norm(patches.x[j] - patches.x[i], axis=1)
     np.maximum.at(doubt, face, np.divide(differ, length, out=np.zeros_like(length), where=length > 0))
     lacking[face[np.setdiff1d(free[~known], split)]] = True
+    _set_cubics(sought, corners, value, face[split])
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
     curved = [one for one in sought.found if one.shape.kind != "plane"]
     of_shape = numbers_of(curved, n)
@@ -227,8 +228,18 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
     return value, lacking, doubt
 
 
+def _set_cubics(sought: Sought, corners: Ints, value: Floats, split: Ints) -> None:
+    """Set the cubics of the heights (f, 8) over segments and triangles with fits, but for faces that are `split`."""
+    fitted = sought.fitted
+    fitted[split] = False
+    for n, first in ((2, 1), (3, 3)):
+        rows = np.flatnonzero(fitted & (corners == n))
+        cubic = cubic_heights(sought.fits, sought.whole.x, sought.whole.node[rows, :n])
+        value[rows[:, None], first + np.arange(cubic.shape[1])] = cubic
+
+
 def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Ints) -> None:
-    """Set the heights (f, 5) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
+    """Set the heights (f, 8) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
     node, normal = sought.whole.node[centre], sought.whole.normal[centre]
     (one, good, _), (two, fine, _) = (
         heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1)

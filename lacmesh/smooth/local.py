@@ -178,6 +178,24 @@ def centre_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
     return total / 4
 
 
+def cubic_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
+    """(f, k): factors of the cubics of heights over segments and triangles with nodes (f, 2 or 3), `surface.maps`.
+
+    They make second derivatives linear over the face: along its edges, and of triangles at its centre too.
+    """
+    n = node.shape[1]
+    edges = [(0, 1)] if n == 2 else [(0, 1), (1, 2), (2, 0)]
+    out = np.zeros((len(node), len(edges) + (n == 3)))
+    for k, (i, j) in enumerate(edges):
+        e = x[node[:, j]] - x[node[:, i]]
+        chord = np.linalg.norm(e, axis=1)
+        bend = [chord * np.clip(chord * _curvature(fits, node[:, [c]], e)[0], -2.0, 2.0) for c in range(n)]
+        out[:, k] = (bend[j] - bend[i]) / 12
+        if n == 3:
+            out[:, 3] += (2 * bend[3 - i - j] - bend[i] - bend[j]) / 12
+    return out
+
+
 def _curvature(fits: Fits, node: Ints, e: Floats) -> tuple[Floats, Bools]:
     """(m,): curvature along directions e (m, 3), mean over nodes (m, k), convex > 0; (m,): True if a node has a fit."""
     total, number = np.zeros(len(e)), np.zeros(len(e))

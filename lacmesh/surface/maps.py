@@ -5,10 +5,10 @@ shape functions of every face (SEG: v = 0). G (f, 9, 3) follows from the nodes a
 is AFFINE (triangles with straight sides, parallelograms), BILINEAR (quadrangles with straight sides) or CURVED.
 
 A linear face of a curved skin is flat, and misses the skin by up to h^2 / 8R. The height of the smooth surface, along
-the face's outward normal, is a quadratic field b(xi) = sum_i N_i(xi) b_i with N_i the functions of SEG3, TRIA6 and
-QUAD9. It is 0 at the corners, which lie on the skin, except at those that a cut has put inside a face of the original
-mesh. The heights b_i are computed by `lacmesh.smooth`. Faces of quadratic types are curved themselves and have no
-height, unless they are straight.
+the face's outward normal, is a field b(xi) = sum_i N_i(xi) b_i with N_i the functions of SEG3, TRIA6 and QUAD9, and of
+a segment and a triangle cubics that are 0 at the nodes of these. It is 0 at the corners, which lie on the skin, except
+at those that a cut has put inside a face of the original mesh. The heights b_i are computed by `lacmesh.smooth`. Faces
+of quadratic types are curved themselves and have no height, unless they are straight.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ FLAT = 1e-10
 #: by what iterations leave
 NEARLY_FLAT = 1e-5
 N_MONOMIALS = 9
+#: the first monomial of third degree
+_CUBIC = 6
 
 
 class NormalMaps(NamedTuple):
@@ -168,14 +170,14 @@ def curved(G: Any, s: int, u: float, v: float) -> Any:
 
 
 def values(G: Floats, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """(n, k): values of maps G (f, 9, k) at reference points xi (n, 2) of faces (n,)."""
+    """(n, k): values of maps G (f, 9, k) at reference points xi (n, 2) of faces (n,); (f, 11, k) with u^3 and v^3."""
     out = np.empty((len(face), G.shape[2]))
     _evaluate(G, face, xi, out, np.empty((0, 0, 0)))
     return out
 
 
 def slopes(G: Floats, face: Ints, xi: Floats, dim: int) -> NDArray[np.floating]:
-    """(n, k, dim): derivatives of maps G (f, 9, k) by `dim` reference coordinates at points xi (n, 2) of faces (n,)."""
+    """(n, k, dim): derivatives of maps, as in `values`, by `dim` reference coordinates at points xi (n, 2) of faces."""
     out = np.empty((len(face), G.shape[2], dim))
     _evaluate(G, face, xi, np.empty((0, 0)), out)
     return out
@@ -215,6 +217,9 @@ def _evaluate_at(G: Any, u: Any, v: Any, p: Any, value: Any, slope: Any) -> None
     """Do what `_evaluate` does for point p, or for all points."""
     for s in range(G.shape[1]):
         x, along_u, along_v = curved(G, s, u, v)
+        if len(G) > N_MONOMIALS:
+            a, b = G[N_MONOMIALS, s] * u * u, G[N_MONOMIALS + 1, s] * v * v
+            x, along_u, along_v = x + a * u + b * v, along_u + 3 * a, along_v + 3 * b
         if len(value) > 0:
             value[p, s] = x
         if len(slope) > 0:
@@ -246,19 +251,44 @@ QUADRATIC = {
 }  # fmt: skip
 #: types with heights in both directions
 QUADRANGLES = [TYPE_CODE[name] for name, quadratic in QUADRATIC.items() if quadratic == "QUAD9"]
-#: most nodes of such a type
-N_HEIGHTS = 9
+#: most nodes of such a type, and most functions of heights
+N_NODES_OF_HEIGHTS, N_HEIGHTS = 9, 10
+#: coefficients of the cubics in the monomials, u^3 and v^3. On its edge a cubic is t (1 - t) (2 t - 1), with t the part
+#: of the way from corner to corner, and 0 on the other edges; the last of a triangle is 0 on all edges
+_CUBICS = {
+    "SEG3": np.array([[0, 1, 0, 0, 0, 0, 0, 0, 0, -1, 0]]) / 4,
+    "TRIA6": np.array([
+        [0, -1, 0, 3, 2, 0, -3, -1, 0, -2, 0],
+        [0, 0, 0, 0, 0, 0, -1, 1, 0, 0, 0],
+        [0, 0, 1, 0, -2, -3, 1, 3, 0, 0, 2],
+        [0, 0, 0, 0, 1, 0, -1, -1, 0, 0, 0],
+    ]),
+    "QUAD9": np.zeros((0, 11)),
+}  # fmt: skip
+
+
+@cache
+def basis_of_heights(name: str) -> NDArray[np.floating]:
+    """(11, n): coefficients of the functions of heights over a type of face: at nodes, then cubics."""
+    quadratic = np.pad(basis(TYPE_CODE[QUADRATIC[name]]), ((0, 2), (0, 0)))
+    return np.concatenate([quadratic, _CUBICS[QUADRATIC[name]].T], axis=1)
+
+
+def functions_of_heights(name: str, X: Floats) -> NDArray[np.floating]:
+    """(n, k): the functions of heights over a type of face at reference points X (n, dim)."""
+    X = np.pad(X, ((0, 0), (0, 2 - X.shape[1])))
+    return np.concatenate([monomials(X), X**3], axis=1) @ basis_of_heights(name)
 
 
 @dataclass(frozen=True, eq=False)
 class Height:
     """The heights of a surface's faces (f,).
 
-    `type` (f,): codes in skin.FACE_TYPES; `value` (f, 9): heights at the nodes of each face's quadratic type, in their
-    order, padded with 0; `lean` (f, 9, 2): slopes of the smooth surface's normals to the face there, None: those of
-    the heights. `taken` (f,): faces with the same number, 0 or more, are taken as one smooth shape although they turn
-    by more than the crease angle; None if there are none. `doubt` (f,): how far the heights of faces of free form may
-    be off (`lacmesh.smooth`), over the size of the faces; None: not known.
+    `type` (f,): codes in skin.FACE_TYPES; `value` (f, 10): heights at the nodes of each face's quadratic type, in their
+    order, and factors of cubics, padded with 0; `lean` (f, 9, 2): slopes of the smooth surface's normals to the face
+    at those nodes, None: those of the heights. `taken` (f,): faces with the same number, 0 or more, are taken as one
+    smooth shape although they turn by more than the crease angle; None if there are none. `doubt` (f,): how far the
+    heights of faces of free form may be off (`lacmesh.smooth`), over the size of the faces; None: not known.
     """
 
     type: Ints
@@ -270,7 +300,9 @@ class Height:
     @property
     def degree(self) -> int:
         """Degree of the heights as polynomials in the plane of a face."""
-        return 4 if np.isin(self.type, QUADRANGLES).any() else 2
+        if np.isin(self.type, QUADRANGLES).any():
+            return 4
+        return 3 if self._map[:, _CUBIC:].any() else 2
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
@@ -289,18 +321,18 @@ class Height:
 
     @cached_property
     def _map(self) -> NDArray[np.floating]:
-        """(f, 9, 1): coefficients of the heights."""
+        """(f, 11, 1): coefficients of the heights."""
         return self._interpolated(self.value[:, :, None])
 
     @cached_property
     def leans(self) -> NDArray[np.floating]:
         """(f, 9, 2): coefficients of the slopes of the normals."""
-        return self._interpolated(self.slopes_at_nodes if self.lean is None else self.lean)
+        return self._interpolated(self.slopes_at_nodes if self.lean is None else self.lean)[:, :N_MONOMIALS].copy()
 
     @property
     def slopes_at_nodes(self) -> NDArray[np.floating]:
         """(f, 9, 2): slopes of the heights at the nodes of each face's quadratic type, padded with 0."""
-        out = np.zeros((*self.value.shape, 2))
+        out = np.zeros((len(self.type), N_NODES_OF_HEIGHTS, 2))
         for name, quadratic in QUADRATIC.items():
             rows, X = np.flatnonzero(self.type == TYPE_CODE[name]), padded_nodes(quadratic)
             at = self.slope(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
@@ -308,10 +340,10 @@ class Height:
         return out
 
     def _interpolated(self, values: Floats) -> NDArray[np.floating]:
-        """(f, 9, k): coefficients of fields with values (f, 9, k) at the nodes of each face's quadratic type."""
-        G = np.zeros((len(self.type), N_MONOMIALS, values.shape[2]))
-        for name, quadratic in QUADRATIC.items():
-            rows, C = self.type == TYPE_CODE[name], basis(TYPE_CODE[quadratic])
+        """(f, 11, k): coefficients of fields with values (f, 9 or 10, k) at nodes, and cubics, as in `value`."""
+        G = np.zeros((len(self.type), N_MONOMIALS + 2, values.shape[2]))
+        for name in QUADRATIC:
+            rows, C = self.type == TYPE_CODE[name], basis_of_heights(name)[:, : values.shape[1]]
             G[rows] = C @ values[rows, : C.shape[1]]
         return G
 

@@ -50,6 +50,10 @@ def raised(surface):
         middles = [surface.x[nodes[:, list(edge)]].mean(axis=1) for edge in edges]
         middles += [surface.x[nodes].mean(axis=1)] if name == "QUAD4" else []
         value[rows, count : count + len(middles)] = 0.004 * np.sin(9 * np.sum(middles, axis=2)).T
+        if count < 4:  # cubics, whose factors change their sign with the direction of an edge
+            ends = 0.002 * np.sin(7 * surface.x[nodes].sum(axis=2))
+            cubics = count + len(middles) + np.arange(len(edges))
+            value[rows[:, None], cubics] = np.diff(ends[:, np.array(edges)], axis=2)[:, :, 0]
     return replace(surface, height=Height(surface.faces.type, value))
 
 

@@ -51,6 +51,12 @@ def saddle(x):
     return np.stack([u, v, 0.5 * (u * u - v * v) + 0.2 * u**3], axis=1)
 
 
+def slight(x):
+    """A cubic, whose second derivatives are linear and whose slopes are small."""
+    u, v = x[:, 0] - 0.5, x[:, 1] - 0.5
+    return np.stack([u, v, 1e-3 * (u * v + u**3 - 2 * u * u * v + v**3)], axis=1)
+
+
 def waves(x):
     return np.stack([x[:, 0], x[:, 1], 0.1 * np.sin(3 * x[:, 0] + 2 * x[:, 1] ** 2)], axis=1)
 
@@ -63,6 +69,7 @@ LEVEL = {
     torus: lambda x: np.hypot(np.hypot(x[:, 0], x[:, 1]) - 3, x[:, 2]) - 1,
     ellipsoid: lambda x: np.linalg.norm(x / [1, 1.3, 0.8], axis=1) - 1,
     saddle: lambda x: x[:, 2] - 0.5 * (x[:, 0] ** 2 - x[:, 1] ** 2) - 0.2 * x[:, 0] ** 3,
+    slight: lambda x: x[:, 2] - slight(x + 0.5)[:, 2],
     waves: lambda x: x[:, 2] - 0.1 * np.sin(3 * x[:, 0] + 2 * x[:, 1] ** 2),
 }
 ROUND = [cylinder, sphere, cone, torus]

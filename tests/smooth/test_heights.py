@@ -100,6 +100,25 @@ def test_heights_of_a_free_form(surface, kind):
         assert found > least and errors[-1][0] < share * errors[-1][1], errors
 
 
+def test_heights_over_triangles_are_those_of_a_cubic():
+    """Anywhere in faces off the rim, where fits are one-sided; a parabola over a face leaves 6 % of its height."""
+    faces = skin_with_heights(skins.slight, 8, "TRIA3")
+    inside = np.flatnonzero((np.abs(mean_normals(faces)[1][:, :2]) < 0.25).all(axis=1))
+    error, largest = worst(skins.slight, faces, faces.height, inside)
+    assert error < 1e-3 * largest
+
+
+def test_heights_over_segments_are_those_of_a_cubic():
+    """Anywhere but at the ends of the chain, on nodes that stand anywhere."""
+    x = np.linspace(-1, 1, 11) + np.array([0, *np.random.default_rng(0).uniform(-0.04, 0.04, 9), 0])
+    faces = with_heights(chain(np.stack([x, 1e-3 * x**3], axis=1), closed=False))
+    rows = np.repeat(np.arange(2, 8), 3)
+    xi = np.tile([[-0.6, 0.0], [0.2, 0.0], [0.7, 0.0]], (6, 1))
+    at = values(coefficients(faces), rows, xi)
+    exact = along(lambda p: p[:, 1] - 1e-3 * p[:, 0] ** 3, at, mean_normals(faces)[0][rows])
+    np.testing.assert_allclose(faces.height.at(rows, xi), exact, atol=1e-3 * np.abs(exact).max())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     """With the chord's length for that of its shadow, the fits miss of a sphere what three turns of the frame leave."""
@@ -234,6 +253,18 @@ def test_children_take_the_heights_of_their_parents(kind, hexa):
     assert all(abs(at_node[int(node)][0]) < 1e-15 for node in outer)
     assert all(values[0] > 1e-3 for node, values in at_node.items() if node not in outer)
     assert 1.4**2 * 0.25**2 / 8 / 1.4 / 2 < max(v[0] for v in at_node.values()) < 1.4 * 0.25**2 / 2
+
+
+def test_children_take_the_heights_of_a_cubic():
+    """At the nodes of pieces that a cut has made of triangles off the rim."""
+    mesh = generate.box((8, 8, 1), 1.0, "TETRA4", distortion=0.1).renamed(top="skin").only("body", "skin")
+    points = skins.slight(mesh.points) + [0, 0, 1] * (mesh.points - 1)
+    cut = cut_skin(replace(mesh, points=points), "skin").mesh
+    faces = with_heights(cut, skin_of(cut))
+    rows = np.flatnonzero((np.abs(mean_normals(faces)[1][:, :2]) < 0.25).all(axis=1)).repeat(6)
+    xi = np.tile(CELLS["TRIA6"].reference, (len(rows) // 6, 1))
+    exact = along(LEVEL[skins.slight], values(coefficients(faces), rows, xi), mean_normals(faces)[0][rows])
+    np.testing.assert_allclose(faces.height.at(rows, xi), exact, atol=2e-3 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
