@@ -5,6 +5,7 @@ Numbers that count 1..n in order need no table; others have one, or a sorted lis
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +44,30 @@ def numbered(numbers: Ints) -> Ints:
 
 def _dense(numbers: Ints) -> bool:
     return int(numbers.max()) < 10 * len(numbers) + 1_000_000
+
+
+def divided(label: Ints, n: int, groups: Iterable[Ints]) -> tuple[Ints, list[int], list[tuple[int, ...]]]:
+    """Divide labels (k,) from 0 to n - 1 so that rows of equal label are in the same groups of rows.
+
+    Return the labels (k,), and of each label the one that it comes from, and the places of its groups. Rows inside a
+    group get a new label, behind all others, where rows of their label are outside.
+    """
+    label, count = label.astype(np.int32), np.bincount(label, minlength=n)
+    source, inside = list(range(n)), [tuple[int, ...]()] * n
+    for g, rows in enumerate(groups):
+        hit = np.bincount(label[rows], minlength=len(count))
+        touched = np.flatnonzero(hit)
+        part = touched[hit[touched] < count[touched]]
+        new = np.arange(len(count), dtype=np.int32)
+        new[part] = len(count) + np.arange(len(part))
+        label[rows] = new[label[rows]]
+        count[part] -= hit[part]
+        count = np.append(count, hit[part])
+        source += [source[c] for c in part.tolist()]
+        inside += [inside[c] for c in part.tolist()]
+        for c in new[touched].tolist():
+            inside[c] = (*inside[c], g)
+    return label, source, inside
 
 
 class Index:

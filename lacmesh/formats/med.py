@@ -26,7 +26,7 @@ from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, 
 from lacmesh.formats import hdf5
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import repeated
+from lacmesh.formats.ids import divided, repeated
 from lacmesh.formats.notes import dump
 from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell
 from lacmesh.formats.writing import blocks_in_order, check_types, is_plane
@@ -343,21 +343,14 @@ def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple
     One family for each dimension `dim` (n,) and combination of groups (of a family with several dimensions gmsh names
     only the highest), and one more, without members, for all empty groups.
     """
-    family = np.zeros(len(dim), np.int32)
-    combined: list[tuple[str, ...]] = [()]
-    for name, members in groups.items():
-        before = family[members]
-        families = np.flatnonzero(np.bincount(before))
-        after = np.zeros(int(before.max(initial=0)) + 1, np.int32)
-        after[families] = len(combined) + np.arange(len(families))
-        family[members] = after[before]
-        combined += [(*combined[k], name) for k in families]
-    split = np.where(family > 0, 4 * family + dim, 0)
-    used = np.union1d(0, np.flatnonzero(np.bincount(split)))
-    number = np.zeros(4 * len(combined), np.int32)
-    number[used] = np.arange(len(used))
+    names = list(groups)
+    label, _, inside = divided(dim, 4, groups.values())
+    used = [k for k, places in enumerate(inside) if places]
+    number = np.zeros(len(inside), np.int32)
+    number[used] = 1 + np.arange(len(used))
     empty = tuple(name for name, members in groups.items() if not len(members))
-    return number[split], [combined[k // 4] for k in used] + ([empty] if empty else [])
+    combined = [tuple(names[g] for g in inside[k]) for k in used]
+    return number[label], [(), *combined, *([empty] if empty else [])]
 
 
 def _write_families(parent: h5py.Group, place: str, families: list[tuple[str, ...]], sign: int) -> None:

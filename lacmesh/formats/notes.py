@@ -20,7 +20,6 @@ from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
 from lacmesh.errors import CutError
 from lacmesh.formats.ids import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
-from lacmesh.topology.skin import label_rows
 
 #: of the notes of every format; in version 1 the nodes of periodic links were given by index
 VERSION = 2
@@ -243,25 +242,17 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     index = Index(numbered(mesh.node_number))
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
-        cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
-        rows = np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1)
-        label, _ = label_rows(rows)
-        keys = _distinct_keys(label[: len(theirs)]), _distinct_keys(label[len(theirs) :])
-        _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
-        number[cells[b]] = integers(listed["number"])[a]
+        cells_of: dict[tuple[int, ...], list[int]] = {}
+        for _, cells, nodes in mesh.select(np.arange(mesh.n_cells)) if kind in mesh.cells_by_type else ():
+            if nodes.shape[1] == theirs.shape[1]:
+                for cell, row in zip(cells.tolist(), np.sort(nodes, axis=1).tolist(), strict=True):
+                    cells_of.setdefault(tuple(row), []).append(cell)
+        for row, one in zip(np.sort(theirs, axis=1).tolist(), integers(listed["number"]).tolist(), strict=True):
+            if cells := cells_of.get(tuple(row)):
+                number[cells.pop(0)] = one
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)
-
-
-def _distinct_keys(label: Ints) -> Ints:
-    """Distinct integers of labels (k,): of equal labels the first, second ... get the same in all calls."""
-    order = np.argsort(label, kind="stable")
-    begin = np.flatnonzero(np.diff(label[order], prepend=-1))
-    place = np.arange(len(label)) - np.repeat(begin, np.diff(np.append(begin, len(label))))
-    keys = np.empty(len(label), np.int64)
-    keys[order] = label[order].astype(np.int64) << 32 | place
-    return keys
 
 
 def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints, *columns: Mapping[str, Ints]) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,21 +112,8 @@ class Resolver:
         raise card.error(f"there is no set of {OF_KIND[kind]}s named {name!r}{did_you_mean(name, shown)}")
 
     def _nodes_of(self, numbers: Ints) -> Ints:
-        """Sorted numbers of the nodes of the elements `numbers`, all of which must exist."""
-        number, begin, width, nodes = self._rows
-        row = np.searchsorted(number, numbers)
-        count = width[row]
-        places = np.repeat(begin[row] - (np.cumsum(count) - count), count) + np.arange(count.sum())
-        return _ordered(nodes[places])
-
-    @cached_property
-    def _rows(self) -> tuple[Ints, Ints, Ints, Ints]:
-        """Elements sorted by number: the number, where its nodes begin, how many; the nodes of all."""
-        number = concatenated(e.number for e in self.cells)
-        width = concatenated(np.full(e.nodes.shape[0], e.nodes.shape[1]) for e in self.cells)
-        order = np.argsort(number, kind="stable")
-        nodes = concatenated(e.nodes.ravel() for e in self.cells)
-        return number[order], (np.cumsum(width) - width)[order], width[order], nodes
+        """Sorted numbers of the nodes of the elements `numbers` (sorted)."""
+        return _ordered(concatenated(one.nodes[positions(numbers, one.number) >= 0].ravel() for one in self.cells))
 
 
 def _ordered(numbers: Ints) -> Ints:
