@@ -114,7 +114,13 @@ def _mesh(foreign: Any, path: Path) -> Mesh:
         if block.type not in _OF_NAME:
             raise DataError(f"cells of meshio's type {block.type!r} are not read")
     starts = np.cumsum([0, *(len(block.data) for block in foreign.cells)]).tolist()
-    n, rows = len(foreign.points), _places_in_file(foreign, starts[-1], out)
+    # the note is in the info or, of a VTU file, in the field data
+    n, in_file = len(foreign.points), np.asarray(foreign.field_data.get(_INFO, ()))
+    info = foreign.info.get(_INFO) if isinstance(foreign.info, dict) else None
+    if text := in_file.tobytes() if info is None and in_file.dtype == np.uint8 else str(info or ""):
+        out.read_note(text)
+    order, rows = np.asarray(out.note.get("file_order", ())), np.arange(starts[-1])
+    rows = np.argsort(order) if np.array_equal(np.sort(order), rows) else rows  # places of the cells in the file
     on_cells = _native(
         {name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in foreign.cell_data.items()}
     )
@@ -137,17 +143,6 @@ def _mesh(foreign: Any, path: Path) -> Mesh:
     add_arrays(out, "cell", on_cells, rows)
     add_arrays(out, "node", on_nodes)
     return with_tag_groups(out.mesh(group_tags=tags), out, on_cells)
-
-
-def _places_in_file(foreign: Any, n_cells: int, out: MeshBuilder) -> Ints:
-    """Read the note, from the info or, of a VTU file, the field data; return the places of the cells in the file."""
-    info = foreign.info if isinstance(foreign.info, dict) else {}
-    in_file = np.asarray(foreign.field_data.get(_INFO, ()))
-    text = str(info[_INFO]) if _INFO in info else in_file.tobytes() if in_file.dtype == np.uint8 else ""
-    if text:
-        out.read_note(text)
-    order = np.asarray(out.note.get("file_order", ()))
-    return np.argsort(order) if np.array_equal(np.sort(order), np.arange(n_cells)) else np.arange(n_cells)
 
 
 def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
@@ -191,7 +186,12 @@ def read(path: Path, name: str) -> Mesh:
     way = f"; {GMSH_CAN}" if name == "nastran" else ""
     foreign = _guarded(lambda: read_whole(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
     if name == "vtk":
-        printed = [*map(_with_type_names, printed), *_colours(path)]
+        # meshio names types of cells by number alone, and skips COLOR_SCALARS silently, VTK's form of an array of bytes
+        names = {str(n): name for n, name in {**VTK_NOT_READ, 11: "voxels"}.items()}
+        with_name = lambda m: f"(type {m[1]}, {names.get(m[1], 'unknown')})"  # noqa: E731
+        printed = [re.sub(r"\(type (\d+)\)", with_name, word) for word in printed]
+        colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
+        printed += [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
     messages = "; ".join(printed)
     if messages and not any(len(block.data) for block in foreign.cells):
         hint = " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
@@ -244,7 +244,9 @@ def _with_arrays(mesh: Mesh, name: str) -> Any:
         for key, values in arrays.cell.items():
             foreign.cell_data[key] = [_number_type(values[a:b], name) for a, b in pairwise(mesh.offsets)]
         foreign.point_data = {key: _number_type(values, name) for key, values in arrays.node.items()}
-    return _turn_wedges(foreign, name)
+    if name == "vtk":
+        _turn_wedges(foreign)
+    return foreign
 
 
 def _number_type(values: NDArray, name: str) -> NDArray:
@@ -258,7 +260,7 @@ def _number_type(values: NDArray, name: str) -> NDArray:
 def _as_ours(foreign: Any, name: str) -> Any:
     """Convert, in place, what differs in a VTK file: the node order of wedges, encoded names, the pairs in `entity`."""
     if name == "vtk":
-        _turn_wedges(foreign, name)
+        _turn_wedges(foreign)
         foreign.cell_data = {unquote(k): _pairs(v) if k == "entity" else v for k, v in foreign.cell_data.items()}
         foreign.point_data = {unquote(k): _pairs([v])[0] if k == "entity" else v for k, v in foreign.point_data.items()}
     return foreign
@@ -270,24 +272,11 @@ def _pairs(parts: list[NDArray]) -> list[NDArray]:
     return [v[:, :2] for v in parts] if added else parts
 
 
-def _turn_wedges(foreign: Any, name: str) -> Any:
+def _turn_wedges(foreign: Any) -> None:
     """Undo, in place, meshio's reordering of VTK's linear wedges, which gives them negative volumes in VTK."""
-    for block in foreign.cells if name == "vtk" else ():
+    for block in foreign.cells:
         if block.type == "wedge":
             block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
-    return foreign
-
-
-def _with_type_names(word: str) -> str:
-    """Add the names of cell types to a message of meshio on a VTK file, which gives only their numbers."""
-    names = {**VTK_NOT_READ, 11: "voxels"}
-    return re.sub(r"\(type (\d+)\)", lambda m: f"(type {m[1]}, {names.get(int(m[1]), 'unknown')})", word)
-
-
-def _colours(path: Path) -> list[str]:
-    """Messages on the COLOR_SCALARS that meshio skips silently; VTK saves an active array of bytes in that form."""
-    colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
-    return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
 
 
 def _guarded(

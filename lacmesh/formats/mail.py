@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -22,7 +21,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import LacmeshWarning, ReadError, WriteError, did_you_mean
+from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.ids import repeated
@@ -107,8 +106,8 @@ class _Reader:
         points = np.concatenate([self._nodes(part, dim) for part, _ in dims])
         cells = [(part.keyword, self._cells(part)) for part in parts if part.keyword in NODES]
         numbers = {on: self._numbers_in_names(on) for on in self.places}
-        at = partial(_error, self.source, dims[-1][0].at)
-        self.builder.nodes(numbers["node"], points, error=at)
+        at = dims[-1][0].at
+        self.builder.nodes(numbers["node"], points, error=lambda message, _: self.source.error(message, at))
         first = 0
         for kind, rows in cells:
             self.builder.cells(kind, numbers["cell"][first : first + len(rows)], rows)
@@ -145,9 +144,13 @@ class _Reader:
                 at = begin
                 continue
             keyword = self._keyword(first, at)
-            name, lines = self._header(words, at)
-            for _ in range(lines - 1):
+            header = dict(pairwise([*words, b""]))
+            lines = header.get(b"NBLIGE", b"1")
+            if not re.fullmatch(rb"[0-9]{1,6}", lines):
+                raise self.source.error("NBLIGE should be the number of lines of the header", at)
+            for _ in range(int(lines) - 1):
                 begin = data.find(b"\n", begin) + 1 or len(data)
+            name = None if header.get(b"NOM") in (b"", b"INDEFINI") else header.get(b"NOM")
             end = _END.search(data, begin)
             if end is None:
                 raise self.source.error(f"{keyword} has no FINSF after it: the file may be cut off", at)
@@ -165,18 +168,6 @@ class _Reader:
             near = did_you_mean(keyword[:40], known)
             raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
         return keyword
-
-    def _header(self, words: list[bytes], at: int) -> tuple[bytes | None, int]:
-        """Return the name in a header, and how many lines the header has. Raises ReadError."""
-        name, lines = None, 1
-        for word, value in pairwise([*words, b""]):
-            if word == b"NOM":
-                name = value if value not in (b"", b"INDEFINI") else None
-            elif word == b"NBLIGE":
-                if not re.fullmatch(rb"[0-9]{1,6}", value):
-                    raise self.source.error("NBLIGE should be the number of lines of the header", at)
-                lines = max(1, int(value))
-        return name, lines
 
     def _body(self, part: SubFile) -> bytes:
         """Text of a sub-file, blanks in place of comments and other separators."""
@@ -265,10 +256,6 @@ class _Reader:
         shown = f"the names of {on}s (as {decoded(names[next(odd)])})"
         self.builder.warnings.append(f"{shown} are not distinct numbers after letters: they become 1, 2 ...")
         return np.arange(1, len(names) + 1)
-
-
-def _error(source: SourceFile, at: int, message: str, row: int) -> ReadError:
-    return source.error(message, at)
 
 
 def write(path: Path, mesh: Mesh) -> None:

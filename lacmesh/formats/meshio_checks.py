@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError, some
 from lacmesh.facts import listed
+from lacmesh.formats.writing import file_order
 from lacmesh.mesh import Floats, Ints, Mesh
 
 #: formats whose text does not say where it ends: a file that lost its last lines reads as a smaller mesh
@@ -70,12 +71,10 @@ class _Watched:
         return content
 
 
-class _Bytes(_Watched, io.BufferedReader):
-    pass
+class _Bytes(_Watched, io.BufferedReader): ...
 
 
-class _Text(_Watched, io.TextIOWrapper):
-    pass
+class _Text(_Watched, io.TextIOWrapper): ...
 
 
 def read_whole(read: Callable[..., Any], path: Path, name: str) -> Any:
@@ -134,26 +133,21 @@ def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
     """Match two meshes whose cells are the same, type by type and in order; else a text that says what differs."""
     size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
     cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
-    off = 0.0
-    for kind in dict.fromkeys([*before.cells_by_type, *after.cells_by_type]):
-        ours, theirs = before.block(kind), after.block(kind)
+    off, none = 0.0, np.empty((0, 1), np.int64)
+    parts = [{kind: part for kind, *part in mesh.select(np.arange(mesh.n_cells))} for mesh in (before, after)]
+    for kind in dict.fromkeys([*parts[0], *parts[1]]):
+        (cells, ours), (others, theirs) = (part.get(kind, [none, none]) for part in parts)
         if len(ours) != len(theirs):
             return f"{len(theirs)} {kind} of {len(ours)}"
         away = _farthest(before.points[ours], after.points[theirs])
         if not away <= tolerance * size:
             return f"{kind} with other nodes"
         off = max(off, away)
-        cell[_of_type(before, kind)] = _of_type(after, kind)
-        node[ours] = theirs
+        cell[cells], node[ours] = others, theirs
     alone = np.flatnonzero(node < 0)
     if after.n_nodes == before.n_nodes and _farthest(before.points[alone], after.points[alone]) <= tolerance * size:
         node[alone] = alone
     return MeshMap(cell, node, off / size if size else 0.0)
-
-
-def _of_type(mesh: Mesh, kind: str) -> Ints:
-    first = int(mesh.offsets[[block.type for block in mesh.blocks].index(kind)])
-    return np.arange(first, first + len(mesh.block(kind)))
 
 
 def _farthest(a: Floats, b: Floats) -> float:
@@ -209,10 +203,8 @@ def _same(a: NDArray, b: NDArray) -> bool:
 
 def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
     periodic = [mesh.model is not None and bool(mesh.model.periodic) for mesh in (before, after)]
-    kinds = [np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets)) for mesh in (before, after)]
-    orders = [
-        kind[slice(None) if m.file_order is None else m.file_order]
-        for kind, m in zip(kinds, (before, after), strict=True)
+    kinds = [
+        np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))[file_order(mesh)] for mesh in (before, after)
     ]
     lost = {
         f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
@@ -221,8 +213,7 @@ def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
         "the times of steps": before.steps and before.steps != after.steps,
         "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
         "periodic links": periodic == [True, False],
-        "the order of cells of different types": before.file_order is not None
-        and not np.array_equal(orders[0], orders[1]),
+        "the order of cells of different types": before.file_order is not None and not np.array_equal(*kinds),
     }
     return [what for what, gone in lost.items() if gone]
 

@@ -67,7 +67,7 @@ def dump(
         for key, value in note.items()
         if not (value is None or (isinstance(value, Sized) and not len(value)))
     }
-    text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=_plain)
+    text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=lambda value: value.tolist())
     return text.replace("$", "\\u0024") if note else ""
 
 
@@ -130,11 +130,6 @@ def text_of(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{str(value)[:40]!r} should be text")
     return value
-
-
-def _plain(value: Any) -> Any:
-    """Value of a note that JSON does not know: an array or a number of numpy."""
-    return value.tolist()
 
 
 def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:

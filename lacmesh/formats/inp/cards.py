@@ -123,7 +123,11 @@ class Cards:
             self._add_lines(Span(path, data, begin, start, line))
             line += data.count(b"\n", begin, start)
             text, begin = _with_continuation(path, data, start, match.end(), line)
-            card = _card(Span(path, data, start, begin, line), text)
+            keyword, _, rest = text[1:].partition(",")
+            name = " ".join(keyword.split()).upper()
+            parameters = _PARAMETER.finditer(rest) if rest.strip() else ()
+            options = {"".join(match[1].split()).upper(): match[2] or "" for match in parameters}
+            card = Card(name, name.replace(" ", ""), options, Span(path, data, start, begin, line))
             line += data.count(b"\n", start, begin)
             if card.key != "INCLUDE":
                 self.cards.append(card)
@@ -164,14 +168,6 @@ def _with_continuation(path: Path, data: bytes, start: int, end: int, line: int)
     if len(text) > _LONGEST:
         raise ReadError(path, f"this keyword line has more than {_LONGEST} characters", f"line {line}")
     return text, end
-
-
-def _card(head: Span, text: str) -> Card:
-    keyword, _, rest = text[1:].partition(",")
-    name = " ".join(keyword.split()).upper()
-    parameters = _PARAMETER.finditer(rest) if rest.strip() else ()
-    options = {"".join(match[1].split()).upper(): match[2] or "" for match in parameters}
-    return Card(name, name.replace(" ", ""), options, head)
 
 
 # ---- data lines of *NODE, *ELEMENT, *NSET, *ELSET and *SURFACE

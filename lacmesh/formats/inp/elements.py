@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import cache
+from itertools import product
 from typing import NamedTuple
 
 from lacmesh.cells import CELLS
@@ -211,13 +212,6 @@ def variant(name: str, cell_type: str, target: str, plane: str | None = None) ->
     return new if known is not None and known.type == cell_type else plain
 
 
-def _is_plain(name: str, cell_type: str, skin: bool) -> bool:
-    """True if a cell is written as this element without a deck: its shape says all of it."""
-    planes = (None, plane_of(name) or "CPS")
-    names = {element_name(cell_type, t, plane, on) for t in TARGETS for plane in planes for on in {False, skin}}
-    return name in names and name != "S8R"  # the only one of Abaqus; CalculiX has S8 as well
-
-
 #: Cards that say where parts begin and end.
 FRAMES = ("PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE", "ENDINSTANCE")
 #: Cards whose content is the mesh's, or that only say where a part of the file begins or ends.
@@ -235,7 +229,12 @@ def losses(deck: Deck, *, formulations: bool = True) -> str:
     known = {name: e for name in names if (e := element(name)) is not None}
     solid = any(e.kind == SOLID for e in known.values())
     skin = {name for name, e in known.items() if solid and e.kind == SHELL and name.startswith(("M3D", "SFM3D"))}
-    shapes = [f"{name} (written as {e.type})" for name, e in known.items() if not _is_plain(name, e.type, name in skin)]
+    shapes = []
+    for name, e in known.items():  # of a plain element, the shape says all: a cell is written as it without a deck
+        ways = product(TARGETS, (None, plane_of(name) or "CPS"), {False, name in skin})
+        plain = {element_name(e.type, *way) for way in ways} - {"S8R"}  # Abaqus has no other; CalculiX has S8 as well
+        if name not in plain:
+            shapes.append(f"{name} (written as {e.type})")
     if shapes:
         parts.append(f"the formulation of the elements {', '.join(shapes)}")
     return f"left out of the deck {deck.path}: {', '.join(parts)}" if parts else ""

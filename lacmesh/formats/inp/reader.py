@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -165,8 +163,11 @@ class _Reader:
         if card.key in _NOT_READ:
             what = _NOT_READ[card.key]
             raise card.error(f"*{card.name} {what}, which is not read; write all nodes and elements out")
-        if card.key in _HANDLERS:
-            _HANDLERS[card.key](self, index + raised, card, inside)
+        if card.key == "HEADING":
+            self.heading += [row.decode("latin-1").strip() for row in card.rows()]
+        elif card.key in _NAMES:
+            read = {"NODE": self._node, "ELEMENT": self._element}.get(card.key, self._set)
+            read(index + raised, card, inside)
 
     # ---- nodes and elements
 
@@ -247,22 +248,16 @@ class _Reader:
         if name and _instance_key(name) not in self.instances:
             raise card.error(f"there is no instance named {name}")
         one = self.instances[_instance_key(name)] if name else inside
-        if one.prefix or not self.instances:
-            return [some.raised(one) for some in members]
-        return [self._with_instance(some, one) for some in members]
-
-    def _with_instance(self, members: Members, inside: DeckInstance) -> Members:
-        """Members of a card of the assembly: `I.5` is number 5 of instance I, `I.SET` its set SET."""
-        before, _, rest = members.listed.rpartition(".") if isinstance(members.listed, str) else ("", "", "")
-        one = self.instances.get(_instance_key(before)) if before else None
-        if one is None:
-            return members.raised(inside)
-        if re.fullmatch(r"[0-9]{1,18}", rest.strip()):
-            return members._replace(listed=np.array([int(rest)])).raised(one)
-        return members._replace(listed=rest).raised(one)
-
-    def _heading(self, index: int, card: Card, inside: DeckInstance) -> None:
-        self.heading += [row.decode("latin-1").strip() for row in card.rows()]
+        raised = []
+        for part in members:
+            # in a card of the assembly `I.5` is number 5 of instance I, `I.SET` its set SET
+            before, _, rest = part.listed.rpartition(".") if isinstance(part.listed, str) else ("", "", "")
+            inner = self.instances.get(_instance_key(before)) if before and not one.prefix else None
+            if inner is not None:
+                number = re.fullmatch(r"[0-9]{1,18}", rest.strip())
+                part = part._replace(listed=np.array([int(rest)]) if number else rest)
+            raised.append(part.raised(inner or one))
+        return raised
 
     # ---- the mesh and its deck
 
@@ -270,11 +265,12 @@ class _Reader:
         """Return the mesh, with its deck. Raises ReadError."""
         builder = MeshBuilder(self.path, cell="element")
         for _, card, number, points in self.nodes:
-            builder.nodes(number, points, error=partial(_error, card))
+            builder.nodes(number, points, error=lambda message, _, card=card: card.error(message))
         for cells in self.elements:
             rows = cells.nodes[:, np.argsort(cells.element.nodes)]
+            error = lambda message, _, card=cells.card: card.error(message)  # noqa: E731
             index = np.full(len(rows), cells.index)
-            builder.cells(cells.element.type, cells.number, rows, error=partial(_error, cells.card), inp_card=index)
+            builder.cells(cells.element.type, cells.number, rows, error=error, inp_card=index)
         resolver = Resolver(self.sets, concatenated(number for _, _, number, _ in self.nodes), self.elements)
         for (kind, key), one in self.sets.items():
             if kind in ("NSET", "ELSET"):
@@ -360,9 +356,15 @@ class _Reader:
         ]
         numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
         names = {kind: {key: one.shown for (k, key), one in self.sets.items() if k == kind} for kind in OF_KIND}
+        cards = []
+        for k, card in enumerate(self.cards):
+            head, alone = card.head.lines(), k in numbers and k not in self.whole
+            body = tuple(span.lines(comments_alone=alone) for span in card.body)
+            own = card.name, card.options, head.file, head.line, head.text
+            cards.append(DeckCard(*own, body, numbers.get(k), k))
         return Deck(
             str(self.path),
-            tuple(self._card(k, card, numbers.get(k)) for k, card in enumerate(self.cards)),
+            tuple(cards),
             mesh,
             tuple(span.lines() for span in self.start),
             names["NSET"],
@@ -375,27 +377,6 @@ class _Reader:
             else (),
             assembly_offset=(self.assembly.nodes, self.assembly.elements),
         )
-
-    def _card(self, index: int, card: Card, numbers: Ints | None) -> DeckCard:
-        head = card.head.lines()
-        alone = numbers is not None and index not in self.whole
-        body = tuple(span.lines(comments_alone=alone) for span in card.body)
-        return DeckCard(card.name, card.options, head.file, head.line, head.text, body, numbers, index)
-
-
-#: key of a card -> what reads it
-_HANDLERS: Mapping[str, Callable[[_Reader, int, Card, DeckInstance], None]] = {
-    "NODE": _Reader._node,
-    "ELEMENT": _Reader._element,
-    "NSET": _Reader._set,
-    "ELSET": _Reader._set,
-    "SURFACE": _Reader._set,
-    "HEADING": _Reader._heading,
-}
-
-
-def _error(card: Card, message: str, row: int) -> ReadError:
-    return card.error(message)
 
 
 def _instance_key(name: str) -> str:
