@@ -20,7 +20,11 @@ def labels(
     names = list(names)
     taken = {word.upper() for word in reserved}
     chosen = {}
-    plain = {name: _plain(name, allowed, limit, first) for name in names}
+    plain = {}
+    for name in names:
+        letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
+        label = re.sub(rf"[^{allowed}]", "_", letters)
+        plain[name] = (label if re.match(rf"[{first}]", label) else f"G_{label}")[:limit]
     for name in sorted(names, key=lambda name: plain[name] != name):  # names that fit come first
         label, k = plain[name], 1
         while label.upper() in taken:
@@ -39,11 +43,3 @@ def changes(chosen: dict[str, str]) -> str:
     "'b c' is b_c"
     """
     return ", ".join(f"{name!r} is {label}" for name, label in chosen.items() if name != label)
-
-
-def _plain(name: str, allowed: str, limit: int, first: str) -> str:
-    letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    label = re.sub(rf"[^{allowed}]", "_", name if letters.isascii() and letters == name else letters)
-    if not re.match(rf"[{first}]", label):
-        label = "G_" + label
-    return label[:limit]

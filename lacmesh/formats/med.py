@@ -87,7 +87,10 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         supports = {part.support: range(*bounds) for part, bounds in zip(parts, pairwise(starts), strict=True)}
         supports["NOE"] = range(1, out.size("node") + 1)
         steps = fields.read(root, link, supports, out)
-        _read_note(root, name, out)
+        if _HOME in root:
+            out.read_note(hdf5.raw(hdf5.member(root, _HOME), _NOTES))
+            if out.note.get("of", out.note.get("mesh", name)) != name:  # it is of another mesh
+                out.note = {}
         for place, what in _NO_PLACE.items():
             if any(place in group and len(group[place]) for group in (root, home, step)):
                 out.warnings.append(f"{what} are left out")
@@ -221,21 +224,17 @@ def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, left_out: li
         for family in [group] if "NUM" in group.attrs else [inner for _, inner in hdf5.groups_in(group)]:
             number = hdf5.attribute(family, "NUM", int)
             table = {"ELEME": of_cells, "NOEUD": of_nodes}.get(hdf5.text(place), of_cells if number < 0 else of_nodes)
-            table.setdefault(number, []).extend(_group_names(family))
+            names = table.setdefault(number, [])
+            if "GRO" in family:
+                groups = hdf5.member(family, "GRO")
+                text = hdf5.raw(groups, "NOM")
+                n = hdf5.attribute(groups, "NBR", int, len(text) // _NAME_SIZE)
+                if not 0 <= n * _NAME_SIZE <= len(text):
+                    raise hdf5.error_at(groups, f"holds {len(text)} bytes for {n} names of {_NAME_SIZE}", "NOM")
+                names += [hdf5.text(text[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
             if "ATT" in family and "attributes of families are left out" not in left_out:
                 left_out.append("attributes of families are left out")
     return of_cells, of_nodes
-
-
-def _group_names(family: h5py.Group) -> list[str]:
-    if "GRO" not in family:
-        return []
-    groups = hdf5.member(family, "GRO")
-    names = hdf5.raw(groups, "NOM")
-    n = hdf5.attribute(groups, "NBR", int, len(names) // _NAME_SIZE)
-    if not 0 <= n * _NAME_SIZE <= len(names):
-        raise hdf5.error_at(groups, f"holds {len(names)} bytes for {n} names of {_NAME_SIZE}", "NOM")
-    return [hdf5.text(names[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
 
 
 def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) -> None:
@@ -251,14 +250,6 @@ def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) ->
     unknown = [number for number in rows if number and number not in families]
     if unknown:
         out.warnings.append(f"{on}s in {len(unknown)} undefined families (as {unknown[0]}) get no group from them")
-
-
-def _read_note(root: h5py.File, name: str, out: MeshBuilder) -> None:
-    """Read what lacmesh noted of the mesh of that name."""
-    if _HOME in root:
-        out.read_note(hdf5.raw(hdf5.member(root, _HOME), _NOTES))
-        if out.note.get("of", out.note.get("mesh", name)) != name:
-            out.note = {}
 
 
 # ---- writing

@@ -7,7 +7,7 @@ and .mail in comments. Nodes and cells are named by their numbers in the file.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterable, Mapping, Sized
 from dataclasses import replace
 from typing import Any
 from zlib import crc32
@@ -156,22 +156,19 @@ def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
         known = {*mesh.cell_data, *mesh.node_data}
         fields["steps"] = {key: step for key, step in steps.items() if key in known}
     if "model" in note:
-        fields["model"] = Model(boundary_of(note["model"]["boundary"]), tuple(_links(mesh, note["model"]["periodic"])))
+        index, links = Index(numbered(mesh.node_number)), []
+        for *sides, affine, number in note["model"]["periodic"]:
+            slave, slave_tag, master, master_tag = integers(sides).tolist()
+            pairs = index.places(integers(number, (-1, 2)))
+            there = pairs[(pairs >= 0).all(axis=1)]
+            links.append(Periodic((slave, slave_tag), (master, master_tag), tuple(map(float, affine)), there))
+        fields["model"] = Model(boundary_of(note["model"]["boundary"]), tuple(links))
     return fields
 
 
 def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
     """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of DAMAGED."""
     return {tuple(integers([dim, tag]).tolist()): tuple(integers(signed, (-1,)).tolist()) for dim, tag, signed in rows}
-
-
-def _links(mesh: Mesh, rows: Iterable[Any]) -> Iterator[Periodic]:
-    index = Index(numbered(mesh.node_number))
-    for *tags, affine, number in rows:
-        slave, slave_tag, master, master_tag = integers(tags).tolist()
-        pairs = index.places(integers(number, (-1, 2)))
-        there = pairs[(pairs >= 0).all(axis=1)]
-        yield Periodic((slave, slave_tag), (master, master_tag), tuple(map(float, affine)), there)
 
 
 def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[str, Any] | None:

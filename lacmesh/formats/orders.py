@@ -133,13 +133,9 @@ def _places(kind: str, of_format: dict[str, Places]) -> Places:
     return of_format.get(kind, tuple(range(ALL_CELLS[kind].n_nodes)))
 
 
-def _geo(kind: str) -> int:
-    cell = ALL_CELLS[kind]
-    return 100 * cell.dim + cell.n_nodes if cell.dim else 1
-
-
 #: our type: the cell of MED, of VTK, of XDMF; those of MED stand in libmed's order
-_MED = {med: MedCell(med, kind, _geo(kind), _OF_LIBMED.split().index(med), _places(kind, _MED_NODES))
+_GEO = {kind: 100 * cell.dim + cell.n_nodes if cell.dim else 1 for kind, cell in ALL_CELLS.items()}
+_MED = {med: MedCell(med, kind, _GEO[kind], _OF_LIBMED.split().index(med), _places(kind, _MED_NODES))
         for kind, (med, _, _, _) in _LISTED.items() if med}  # fmt: skip
 MED_CELLS = {_MED[name].type: _MED[name] for name in _OF_LIBMED.split() if name in _MED}
 VTK_CELLS = {kind: VtkCell(number, kind, _places(kind, _VTK_NODES))

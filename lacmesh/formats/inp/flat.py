@@ -41,7 +41,7 @@ def flattened(deck: Deck) -> tuple[Deck, tuple[Refusal, ...]]:
     """Return a deck with instances of parts as one without, and what it lacks of that; one without them as it is."""
     if not deck.instances:
         return deck, ()
-    flat = _Flat(deck)
+    flat, written = _Flat(deck), {k for k, _, _ in deck.instance_numbers}
     before: list[DeckCard] = []
     model: list[DeckCard] = []
     of_parts: list[DeckCard] = []
@@ -57,7 +57,9 @@ def flattened(deck: Deck) -> tuple[Deck, tuple[Refusal, ...]]:
             if last := steps or model or before:
                 last[-1] = replace(last[-1], body=(*last[-1].body, *card.comments))
         elif card.key in ("NODE", "ELEMENT"):
-            flat.check_elements(k, card, part)
+            if card.key == "ELEMENT" and k not in written and part in (None, *flat.parts):
+                why = "these elements say more than their nodes, or are no cells, and cannot be numbered anew"
+                flat.refused.append((card, None, f"{why}; put them into a deck without parts"))
         elif part is not None or instance is not None:
             of_parts += flat.of_instances(card, part, instance)
         elif steps or card.key == "STEP":
@@ -97,8 +99,7 @@ class _Flat:
         self.labels = labels(dict.fromkeys(known.values()), "A-Za-z0-9_-", NAME, first="A-Za-z_")
         self._by_key = {key: self.labels[group] for key, group in known.items()}
         self._renamed = {key: label for key, label in self._by_key.items() if label != known[key]}
-        self._written = {k for k, _, _ in deck.instance_numbers}
-        self._parts = {key_of(one.part) for one in deck.instances}
+        self.parts = {key_of(one.part) for one in deck.instances}
 
     def of_mesh(self) -> Iterator[DeckCard]:
         """Yield the cards of nodes and elements in the order of the mesh, then those of sets and surfaces, empty."""
@@ -114,15 +115,9 @@ class _Flat:
             head = ", ".join([f"*{keyword}", *(f"{option}={value}" for option, value in options.items())])
             yield DeckCard(keyword, options, place.file, place.line, f"{head}\n")
 
-    def check_elements(self, k: int, card: DeckCard, part: str | None) -> None:
-        """Refuse elements, of the card of index k, that are not written from the mesh."""
-        if card.key == "ELEMENT" and k not in self._written and part in (None, *self._parts):
-            why = "these elements say more than their nodes, or are no cells, and cannot be numbered anew"
-            self.refused.append((card, None, f"{why}; put them into a deck without parts"))
-
     def of_instances(self, card: DeckCard, part: str | None, instance: DeckInstance | None) -> Iterator[DeckCard]:
         """Yield a card of a part, or of an instance alone, once for each instance of it; a part may have none."""
-        if instance is None and part not in self._parts:
+        if instance is None and part not in self.parts:
             return
         if card.key not in _OF_PARTS | _WITH_DIRECTIONS:
             why = "it stands in a part, and lacmesh does not know which of its names and numbers are the part's"

@@ -75,7 +75,11 @@ class Resolver:
 
     def numbers(self, kind: str, name: str, card: Card) -> Ints:
         """Return the sorted numbers in a set; `card`: the one that refers to it, for the error. Raises ReadError."""
-        at = (kind, self._key(kind, name, card))
+        at = kind, key_of(name)
+        at = at if at in self.sets else (kind, name)  # the name in an instance is one for comparison already
+        if at not in self.sets:
+            shown = [one.shown for (other, _), one in self.sets.items() if other == kind]
+            raise card.error(f"there is no set of {OF_KIND[kind]}s named {name!r}{did_you_mean(name, shown)}")
         if at in self._resolved:
             return self._resolved[at]
         if at in self._open or len(self._open) >= _DEEPEST:
@@ -103,13 +107,6 @@ class Resolver:
         known = positions(present, listed) >= 0
         self.strays += int((~known).sum())
         return listed[known]
-
-    def _key(self, kind: str, name: str, card: Card) -> str:
-        for key in (key_of(name), name):  # the name in an instance is one for comparison already
-            if (kind, key) in self.sets:
-                return key
-        shown = [one.shown for (other, _), one in self.sets.items() if other == kind]
-        raise card.error(f"there is no set of {OF_KIND[kind]}s named {name!r}{did_you_mean(name, shown)}")
 
     def _nodes_of(self, numbers: Ints) -> Ints:
         """Sorted numbers of the nodes of the elements `numbers` (sorted)."""

@@ -150,8 +150,7 @@ class _Writer:
         self.node = self._numbers(self.mesh.node_number, np.ones(self.mesh.n_nodes, bool), "nodes")
         self.cell = self._numbers(self.mesh.cell_number, self.is_element, "cells")
         # behind the last card of the mesh, before the first step, stands what the deck does not have
-        cards = enumerate(self.deck.model)
-        self.last = max((k for k, c in cards if c.key in ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")), default=0)
+        self.last = max((k for k, card in enumerate(self.deck.model) if card.key in _MESH), default=0)
         self.heads: dict[int, DeckCard] = {}  # cards without the sets that are written anew
         self.dropped: set[int] = set()  # index of the cards of these sets
         self.behind: dict[int, list[str | bytes]] = {}  # sets that stand behind the card of an index
