@@ -25,10 +25,9 @@ from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.source import SourceFile
 from lacmesh.formats.text import AS_REALS, decoded, numbers_in_lines, parsed, reals, rows_of_cells
-from lacmesh.formats.writing import blocks_in_order, check_types, is_plane, left_out
+from lacmesh.formats.writing import blocks_in_order, changes, check_types, is_plane, labels, left_out
 from lacmesh.mesh import Floats, Ints, Mesh, positions
 
 #: Keyword -> our place of the node that the file lists k-th. Corners are ordered as in gmsh, not as in MED; mid-nodes

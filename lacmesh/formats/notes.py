@@ -240,8 +240,8 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
                 for cell, row in zip(cells.tolist(), np.sort(nodes, axis=1).tolist(), strict=True):
                     cells_of.setdefault(tuple(row), []).append(cell)
         for row, one in zip(np.sort(theirs, axis=1).tolist(), integers(listed["number"]).tolist(), strict=True):
-            if cells := cells_of.get(tuple(row)):
-                number[cells.pop(0)] = one
+            if same := cells_of.get(tuple(row)):
+                number[same.pop(0)] = one
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)

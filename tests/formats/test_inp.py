@@ -18,8 +18,8 @@ from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import inp, mail
 from lacmesh.formats import text as text_files
 from lacmesh.formats.inp.elements import element
-from lacmesh.formats.labels import labels
 from lacmesh.formats.mail import NODES
+from lacmesh.formats.writing import labels
 from lacmesh.mesh import Mesh
 from tests.formats.msh_meshes import lenient, meshes
 from tests.formats.texts import INP, MAIL, MORE, PARTS

@@ -27,12 +27,10 @@ from lacmesh.formats import notes
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.inp import elements
 from lacmesh.formats.inp.cards import LARGEST, NOTE
-from lacmesh.formats.inp.carry import Carrier, with_option, without_option
-from lacmesh.formats.inp.flat import NAME, Refusal, flattened
+from lacmesh.formats.inp.carry import NAME, Carrier, Refusal, flattened, with_option, without_option
 from lacmesh.formats.inp.sets import roles_of
-from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.text import int_rows, joined, numbers_in_lines, reals, rows_of_cells
-from lacmesh.formats.writing import file_order, is_plane, left_out
+from lacmesh.formats.writing import changes, file_order, is_plane, labels, left_out
 from lacmesh.mesh import Ints, Mesh, mask_of
 
 #: Characters of a real number in both programs; nodes or elements on a line; rows in one go.
