@@ -213,7 +213,8 @@ def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
         "the times of steps": before.steps and before.steps != after.steps,
         "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
         "periodic links": periodic == [True, False],
-        "the order of cells of different types": before.file_order is not None and not np.array_equal(kinds[0], kinds[1]),
+        "the order of cells of different types": before.file_order is not None
+        and not np.array_equal(kinds[0], kinds[1]),
     }
     return [what for what, gone in lost.items() if gone]
 
