@@ -6,6 +6,7 @@ elements are in the mesh alone: each cell has, in `cell_data["inp_card"]`, the i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +16,7 @@ from lacmesh.mesh import Ints, Mesh
 
 #: data of cells: `DeckCard.index` of the card of each cell, -1 for a cell of no card; a cut hands it to the children
 INP_CARD = "inp_card"
+_QUOTED = re.compile(r'\s*".*"\s*', re.DOTALL)
 
 
 class DataLine(NamedTuple):
@@ -172,14 +174,9 @@ def key_of(name: str) -> str:
     >>> key_of(" Top face"), key_of('"Top face"')
     ('TOPFACE', '"Top face"')
     """
-    return name.strip() if _is_quoted(name) else shown_name(name).upper()
+    return name.strip() if _QUOTED.fullmatch(name) else shown_name(name).upper()
 
 
 def shown_name(name: str) -> str:
     """Name of a set or surface as a group has it: without quotes, or without blanks."""
-    return name.strip()[1:-1] if _is_quoted(name) else "".join(name.split())
-
-
-def _is_quoted(name: str) -> bool:
-    name = name.strip()
-    return len(name) > 1 and name[0] == name[-1] == '"'
+    return name.strip()[1:-1] if _QUOTED.fullmatch(name) else "".join(name.split())

@@ -292,18 +292,15 @@ def members_of(card: Card, of: str) -> list[Members]:
             fields = fields[:1]
         fields = [part for part in fields if part]
         if generated and fields:
-            members.append(Members(_range(card, fields, line.start()), of))
+            if len(fields) not in (2, 3) or not all(_NUMBER.fullmatch(text) for text in fields):
+                shown = ", ".join(fields)[:60]
+                raise card.error(f"{shown!r} should be first, last, step of numbers to generate", line.start())
+            first, last, step = (*map(int, fields), 1)[:3]
+            if step < 1:
+                raise card.error(f"the step of numbers to generate is {step}, and should be 1 or more", line.start())
+            members.append(Members(range(first, last + 1, step), of))
             continue
         numbers += [int(text) for text in fields if _NUMBER.fullmatch(text) and not surface]
         members += [Members(text, of, label) for text in fields if not _NUMBER.fullmatch(text)]
         members += [Members(np.array([int(text)]), of, label) for text in fields if _NUMBER.fullmatch(text) and surface]
     return [Members(np.array(numbers, np.int64), of), *members] if numbers else members
-
-
-def _range(card: Card, fields: list[str], at: int) -> range:
-    if len(fields) not in (2, 3) or not all(_NUMBER.fullmatch(text) for text in fields):
-        raise card.error(f"{', '.join(fields)[:60]!r} should be first, last, step of numbers to generate", at)
-    first, last, step = (*map(int, fields), 1)[:3]
-    if step < 1:
-        raise card.error(f"the step of numbers to generate is {step}, and should be 1 or more", at)
-    return range(first, last + 1, step)

@@ -13,7 +13,7 @@ import numpy as np
 from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, key_of, shown_name
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.builder import ErrorAt, MeshBuilder
 from lacmesh.formats.inp.cards import Card, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
 from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
@@ -265,12 +265,11 @@ class _Reader:
         """Return the mesh, with its deck. Raises ReadError."""
         builder = MeshBuilder(self.path, cell="element")
         for _, card, number, points in self.nodes:
-            builder.nodes(number, points, error=lambda message, _, card=card: card.error(message))
+            builder.nodes(number, points, error=_error_of(card))
         for cells in self.elements:
             rows = cells.nodes[:, np.argsort(cells.element.nodes)]
-            error = lambda message, _, card=cells.card: card.error(message)  # noqa: E731
             index = np.full(len(rows), cells.index)
-            builder.cells(cells.element.type, cells.number, rows, error=error, inp_card=index)
+            builder.cells(cells.element.type, cells.number, rows, error=_error_of(cells.card), inp_card=index)
         resolver = Resolver(self.sets, concatenated(number for _, _, number, _ in self.nodes), self.elements)
         for (kind, key), one in self.sets.items():
             if kind in ("NSET", "ELSET"):
@@ -377,6 +376,10 @@ class _Reader:
             else (),
             assembly_offset=(self.assembly.nodes, self.assembly.elements),
         )
+
+
+def _error_of(card: Card) -> ErrorAt:
+    return lambda message, row: card.error(message)
 
 
 def _instance_key(name: str) -> str:
