@@ -20,6 +20,7 @@ from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
 from lacmesh.errors import CutError
 from lacmesh.formats.ids import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
+from lacmesh.topology.skin import label_rows
 
 #: of the notes of every format; in version 1 the nodes of periodic links were given by index
 VERSION = 2
@@ -234,14 +235,15 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     index = Index(numbered(mesh.node_number))
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
-        cells_of: dict[tuple[int, ...], list[int]] = {}
-        for _, cells, nodes in mesh.select(np.arange(mesh.n_cells)) if kind in mesh.cells_by_type else ():
-            if nodes.shape[1] == theirs.shape[1]:
-                for cell, row in zip(cells.tolist(), np.sort(nodes, axis=1).tolist(), strict=True):
-                    cells_of.setdefault(tuple(row), []).append(cell)
-        for row, one in zip(np.sort(theirs, axis=1).tolist(), integers(listed["number"]).tolist(), strict=True):
-            if same := cells_of.get(tuple(row)):
-                number[same.pop(0)] = one
+        cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
+        label, _ = label_rows(np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1))
+        first, second = label[: len(theirs)], label[len(theirs) :]
+        a, b = np.argsort(first, kind="stable"), np.argsort(second, kind="stable")
+        rank = np.arange(len(a)) - np.searchsorted(first[a], first[a])  # of several on the same nodes
+        at = np.searchsorted(second[b], first[a]) + rank
+        there = at < len(b)
+        there[there] = second[b[at[there]]] == first[a[there]]
+        number[cells[b[at[there]]]] = integers(listed["number"])[a[there]]
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)
