@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+from lacmesh.errors import ReadError
 from lacmesh.mesh import Ints, Mesh
 
 #: data of cells: `DeckCard.index` of the card of each cell, -1 for a cell of no card; a cut hands it to the children
 INP_CARD = "inp_card"
+_COMMENT = re.compile(r"^[ \t]*\*\*[^\n]*\n", re.MULTILINE)
 _QUOTED = re.compile(r'\s*".*"\s*', re.DOTALL)
 
 
@@ -95,8 +97,29 @@ class DeckCard:
     @property
     def comments(self) -> tuple[Lines, ...]:
         """The comments of the body."""
-        texts = ((line.text for line in part.each() if line.text.lstrip().startswith("**")) for part in self.body)
-        return tuple(part._replace(text="".join(text)) for part, text in zip(self.body, texts, strict=True))
+        found = (_COMMENT.findall(part.text) if "**" in part.text else () for part in self.body)
+        return tuple(part._replace(text="".join(lines)) for part, lines in zip(self.body, found, strict=True))
+
+    @property
+    def values(self) -> bytes:
+        """The lines of the body as one text; comments are blank lines."""
+        text = "".join(part.text for part in self.body)
+        return (_COMMENT.sub("\n", text) if "**" in text else text).encode(errors="surrogateescape")
+
+    @property
+    def rows(self) -> list[bytes]:
+        """The data lines as in `values`."""
+        return [row for row in self.values.splitlines() if row.strip()]
+
+    def error(self, message: str, at: int | None = None) -> ReadError:
+        """Make the error for a byte of `values`, or for the keyword line."""
+        if at is not None:
+            row = self.values.count(b"\n", 0, at)
+            for part in self.body:
+                if row < (n := part.text.count("\n")):
+                    return ReadError(part.file, message, f"line {part.line + row}")
+                row -= n
+        return ReadError(self.file, message, f"line {self.line}")
 
 
 class DeckInstance(NamedTuple):

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.deck import key_of
+from lacmesh.deck import DeckCard, key_of
 from lacmesh.errors import did_you_mean
-from lacmesh.formats.inp.cards import Card, Members
+from lacmesh.formats.inp.cards import Members
 from lacmesh.formats.inp.elements import FACETS, LINE, PLANE, SHELL, SIDES, SOLID, DeckElement
 from lacmesh.joining import with_cells
 from lacmesh.mesh import Ints, Mesh, concatenated, positions
@@ -47,7 +47,7 @@ SetKey = tuple[str, str]
 class ElementCard:
     """Elements of one card: its index, their type, numbers (k,), nodes (k, n) by number."""
 
-    card: Card
+    card: DeckCard
     index: int
     element: DeckElement
     number: Ints
@@ -59,7 +59,7 @@ class NamedSet:
     """A set or a surface: the name of its group, the first of its cards, and its members."""
 
     shown: str
-    card: Card
+    card: DeckCard
     members: list[Members] = field(default_factory=list)
 
 
@@ -73,7 +73,7 @@ class Resolver:
         self._resolved: dict[SetKey, Ints] = {}
         self._open: list[SetKey] = []
 
-    def numbers(self, kind: str, name: str, card: Card) -> Ints:
+    def numbers(self, kind: str, name: str, card: DeckCard) -> Ints:
         """Return the sorted numbers in a set; `card`: the one that refers to it, for the error. Raises ReadError."""
         at = kind, key_of(name)
         at = at if at in self.sets else (kind, name)  # the name in an instance is one for comparison already
@@ -94,7 +94,7 @@ class Resolver:
         self._resolved[at] = _ordered(np.concatenate(parts))
         return self._resolved[at]
 
-    def members(self, members: Members, card: Card) -> Ints:
+    def members(self, members: Members, card: DeckCard) -> Ints:
         """Return the numbers of some members that exist. Raises ReadError."""
         listed, present = members.listed, self.present[members.of]
         if isinstance(listed, str):
@@ -125,7 +125,7 @@ def _ordered(numbers: Ints) -> Ints:
 
 
 #: One face of some cells, sorted indices: its label, "" for all faces that no other cell shares; the cells; its card.
-Sides = tuple[str, Ints, Card]
+Sides = tuple[str, Ints, DeckCard]
 
 
 def with_surfaces(
