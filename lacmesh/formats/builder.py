@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.facts import listed
 from lacmesh.formats import notes
 from lacmesh.formats.ids import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
@@ -58,7 +57,7 @@ class _Listed:
 
     word: str
     runs: list[_Run] = field(default_factory=list)
-    groups: dict[str, list[tuple[Ints, ErrorAt | None]]] = field(default_factory=dict)
+    groups: dict[str, list[Ints]] = field(default_factory=dict)
     data: dict[str, list[tuple[Ints | None, Any]]] = field(default_factory=dict)
     place: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     number: Ints = field(default_factory=lambda: np.empty(0, np.int64))
@@ -96,22 +95,13 @@ class MeshBuilder:
     """Nodes, cells, groups and values of a file, which `mesh` makes a mesh.
 
     `rows_from`: None in a format where nodes of cells, members and values are given by number; 0 or 1 where they are
-    given by row, counted from there, in the order of adding. `cell`: the format's word for a cell. `name_of`: makes the
-    name of a number, for a format that has names in place of numbers. `warnings`: clauses of one warning. `note`: what
-    the format has no place for (`notes.parse`), applied by `mesh`.
+    given by row, counted from there, in the order of adding. `cell`: the format's word for a cell. `warnings`: clauses
+    of one warning. `note`: what the format has no place for (`notes.parse`), applied by `mesh`.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        rows_from: int | None = None,
-        cell: str = "cell",
-        name_of: Callable[[int], str] | None = None,
-    ) -> None:
+    def __init__(self, path: Path, *, rows_from: int | None = None, cell: str = "cell") -> None:
         self.path, self.warnings, self.note = path, list[str](), dict[str, Any]()
-        self._rows_from, self._name_of = rows_from, name_of
-        self._lost = 0
+        self._rows_from, self._lost = rows_from, 0
         self._listed = {"node": _Listed("node"), "cell": _Listed(cell)}
 
     def nodes(self, number: Ints | None, points: Floats, *, error: ErrorAt | None = None, **data: Any) -> None:
@@ -140,14 +130,14 @@ class MeshBuilder:
         if len(nodes):
             self._add("cell", _Run(kind, number, nodes, error or self._error, tuple(groups), data, at))
 
-    def group(self, on: str, name: str, members: Ints | None = None, *, error: ErrorAt | None = None) -> None:
+    def group(self, on: str, name: str, members: Ints | None = None) -> None:
         """Add members (k,) to a group of "node"s or "cell"s; a group without members is there, and empty.
 
-        A member that the file does not have is left out with a warning, or raises the `error`, if one is given.
+        A member that the file does not have is left out with a warning.
         """
         parts = self._listed[on].groups.setdefault(name, [])
         if members is not None:
-            parts.append((np.asarray(members), error))
+            parts.append(np.asarray(members))
 
     def values(self, on: str, name: str, number: Ints | None, values: NDArray) -> None:
         """Add values (k, ...) of "node"s or "cell"s, by number (k,), or, with None, of all in the order of adding.
@@ -215,12 +205,6 @@ class MeshBuilder:
     def _error(self, message: str, row: int) -> ReadError:
         return ReadError(self.path, message)
 
-    def _name(self, number: int) -> str:
-        return f"number {number}" if self._name_of is None else f"name {self._name_of(number)}"
-
-    def _shown(self, numbers: Ints) -> str:
-        return some(numbers) if self._name_of is None else listed(map(self._name_of, numbers.tolist()))
-
     def _number(self, listed: _Listed) -> None:
         """Choose the numbers, and the index of a number (or a row). Raises ReadError for one twice, or below 1."""
         by_run = [run.number for run in listed.runs if run.number is not None]
@@ -239,7 +223,7 @@ class MeshBuilder:
             raise listed.error(int(listed.number.argmin()), message)
         if twice is not None:
             last = int(np.flatnonzero(listed.number == twice)[-1])
-            raise listed.error(last, f"two {listed.word}s have the {self._name(twice)}")
+            raise listed.error(last, f"two {listed.word}s have the number {twice}")
         listed.index = Index(listed.number)
 
     def _points(self, nodes: _Listed) -> Floats:
@@ -248,7 +232,7 @@ class MeshBuilder:
             points[run.span, : run.rows.shape[1]] = run.rows
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(bad):
-            message = f"the coordinates of nodes {self._shown(nodes.number[bad])} are not finite numbers"
+            message = f"the coordinates of nodes {some(nodes.number[bad])} are not finite numbers"
             raise nodes.error(int(bad[0]), message)
         return points
 
@@ -263,8 +247,8 @@ class MeshBuilder:
                 bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
                 if bad is not None:
                     row = run.rows[bad]
-                    lost = self._shown(row[nodes.places(self._by_number(row)) < 0])
-                    cell = self._shown(cells.number[run.first + bad : run.first + bad + 1])
+                    lost = some(row[nodes.places(self._by_number(row)) < 0])
+                    cell = some(cells.number[run.first + bad : run.first + bad + 1])
                     raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes", bad)
             yield kind, block
 
@@ -273,19 +257,12 @@ class MeshBuilder:
         return members + 1 if self._rows_from == 0 else members
 
     def _groups(self, listed: _Listed) -> dict[str, Ints]:
-        """Return the members of each group, and count those that are left out. Raises ReadError."""
+        """Return the members of each group, and count those that are left out."""
         groups = dict[str, list[Ints]]()
         for name, parts in listed.groups.items():
-            groups[name] = []
-            for members, error in parts:
-                places = listed.index.places(self._by_number(members))
-                here = places >= 0
-                if error is not None and not here.all():
-                    strays = self._shown(members[~here][:5])
-                    message = f"the group {name!r} has members that are not among the {listed.word}s: {strays}"
-                    raise error(message, int(here.argmin()))
-                self._lost += int((~here).sum())
-                groups[name].append(places[here])
+            places = [listed.index.places(self._by_number(members)) for members in parts]
+            groups[name] = [found[found >= 0] for found in places]
+            self._lost += sum(map(len, places)) - sum(map(len, groups[name]))
         for run in listed.runs:
             for name in run.groups:
                 groups[name].append(np.arange(run.span.start, run.span.stop))

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.source import SourceFile
-from lacmesh.formats.text import AS_REALS, decoded, numbers_in_lines, parsed, reals, rows_of_cells
+from lacmesh.formats.text import AS_REALS, SourceFile, decoded, in_lines, node_lines, parsed, rows_of_text
 from lacmesh.formats.writing import blocks_in_order, changes, check_types, is_plane, labels, left_out
 from lacmesh.mesh import Floats, Ints, Mesh, positions
 
@@ -62,7 +61,7 @@ _END = re.compile(rb"^[ \t]*FIN(SF)?(?![A-Za-z0-9_])", re.MULTILINE)
 _NUMBERED = re.compile(rb"[A-Za-z_]{1,7}(0|[1-9][0-9]{0,8})")
 #: code_aster's limits: characters of a group's name, and of a node's or cell's (a letter and seven digits).
 _GROUP_NAME, _LARGEST = 24, 9_999_999
-_LINE, _PER_LINE, _ROWS = 80, 8, 1 << 14
+_LINE, _PER_LINE = 80, 8
 
 
 class SubFile(NamedTuple):
@@ -88,7 +87,7 @@ class _Reader:
     """Sub-files of a file; `places`: that of each name among those of nodes, or of cells."""
 
     def __init__(self, source: SourceFile) -> None:
-        self.source, self.data = source, bytes(source.data)
+        self.source, self.data = source, source.data
         self.builder = MeshBuilder(source.path, rows_from=0)
         self.places: dict[str, dict[bytes, int]] = {"node": {}, "cell": {}}
 
@@ -265,35 +264,40 @@ def write(path: Path, mesh: Mesh) -> None:
     """
     check_types(path, mesh, NODES, "code_aster")
     clauses = left_out(mesh)
-    node, cell = (
-        _file_numbers(path, mesh.node_number, "nodes", clauses),
-        _file_numbers(path, mesh.cell_number, "cells", clauses),
-    )
+    node = _file_numbers(path, mesh.node_number, "nodes", clauses)
+    cell = _file_numbers(path, mesh.cell_number, "cells", clauses)
     note = notes.dump(mesh, "zones", "records", node_number=node, cell_number=cell)
-    with path.open("wb") as file:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         line = " ".join(mesh.name.split())
         if line and mesh.name != "mesh" and len(line.encode()) <= _LINE and not line.startswith("FIN"):
-            file.write(f"TITRE\n{line}\nFINSF\n".encode())
-        _write_nodes(file, mesh, node)
+            file.write(f"TITRE\n{line}\nFINSF\n")
+        dim = 2 if is_plane(mesh) else 3
+        file.write(f"COOR_{dim}D\n")
+        for number, row in node_lines(node, mesh.points[:, :dim]):
+            line = f"N{number} {' '.join(row)}"
+            if len(line) > _LINE:  # three digits in an exponent: the last coordinate on a line of its own
+                line = "\n".join(line.rsplit(" ", 1))
+            file.write(f"{line}\n")
+        file.write("FINSF\n")
         for block, lo, here in blocks_in_order(mesh):
             places = list(NODES[block.type])
-            leads = [b"\nM", *(b"\nN" if k % _PER_LINE == 0 else b" N" for k in range(1, len(places) + 1))]
-            file.write(block.type.encode())
-            file.writelines(rows_of_cells(cell[here], node[block.nodes[here - lo][:, places]], leads))
-            file.write(b"\nFINSF\n")
-        for keyword, letter, groups, number in (
-            ("GROUP_NO", b"N", mesh.node_groups, node),
-            ("GROUP_MA", b"M", mesh.cell_groups, cell),
+            form = "M%d" + "".join("\nN%d" if k % _PER_LINE == 0 else " N%d" for k in range(1, len(places) + 1)) + "\n"
+            file.write(f"{block.type}\n")
+            file.writelines(rows_of_text(form, np.column_stack([cell[here], node[block.nodes[here - lo][:, places]]])))
+            file.write("FINSF\n")
+        for keyword, form, groups, numbers in (
+            ("GROUP_NO", "N%d", mesh.node_groups, node),
+            ("GROUP_MA", "M%d", mesh.cell_groups, cell),
         ):
             label_of = labels(groups, "A-Za-z0-9_", _GROUP_NAME, ["FIN", "FINSF"])
             if changed := changes(label_of):
                 clauses.append(f"names of {keyword} have {_GROUP_NAME} letters, digits and _ at most: {changed}")
             for name, members in groups.items():
-                file.write(f"{keyword}\n{label_of[name]}".encode())
-                file.writelines(numbers_in_lines(number[members], _PER_LINE, letter, b" " + letter))
-                file.write(b"\nFINSF\n")
-        file.writelines(f"{_NOTE}{text}\n".encode() for text in notes.in_lines(note, _LINE - len(_NOTE)) if note)
-        file.write(b"FIN\n")
+                file.write(f"{keyword}\n{label_of[name]}\n")
+                file.writelines(in_lines(numbers[members], form, _PER_LINE))
+                file.write("FINSF\n")
+        file.writelines(f"{_NOTE}{text}\n" for text in notes.in_lines(note, _LINE - len(_NOTE)) if note)
+        file.write("FIN\n")
     if clauses:
         warnings.warn(LacmeshWarning(".mail: " + "; ".join(clauses)), stacklevel=2)
 
@@ -307,16 +311,3 @@ def _file_numbers(path: Path, numbers: Ints, what: str, clauses: list[str]) -> I
         clauses.append(f"the numbers of {what} are not distinct or above {_LARGEST}: they are 1, 2 ... in the file")
         return np.arange(1, len(numbers) + 1)
     return numbers
-
-
-def _write_nodes(file: BinaryIO, mesh: Mesh, number: Ints) -> None:
-    dim = 2 if is_plane(mesh) else 3
-    file.write(f"COOR_{dim}D\n".encode())
-    for a in range(0, mesh.n_nodes, _ROWS):
-        columns = [reals(mesh.points[a : a + _ROWS, axis]) for axis in range(dim)]
-        for n, *row in zip(number[a : a + _ROWS].tolist(), *columns, strict=True):
-            line = f"N{n} {' '.join(row)}"
-            if len(line) > _LINE:  # three digits in an exponent: the last coordinate on a line of its own
-                line = "\n".join(line.rsplit(" ", 1))
-            file.write(f"{line}\n".encode())
-    file.write(b"FINSF\n")

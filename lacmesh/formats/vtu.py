@@ -17,8 +17,7 @@ import lzma
 import re
 import warnings
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
@@ -42,6 +41,7 @@ from lacmesh.formats.arrays import (
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS
 from lacmesh.formats.output import replace_file
+from lacmesh.formats.text import in_lines
 from lacmesh.formats.writing import check_types
 from lacmesh.mesh import Ints, Mesh
 
@@ -50,8 +50,8 @@ XmlElement = ElementTree.Element
 _NAMES = {"i": "Int", "u": "UInt", "f": "Float"}
 _KINDS = {f"{'U' * u}Int{8 * n}": np.dtype(f"{'u' if u else 'i'}{n}") for u in (0, 1) for n in (1, 2, 4, 8)}
 _KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "String": np.dtype(np.uint8)}
-#: bytes of a block that is compressed by itself, as VTK takes it by default; values in a piece of text
-_BLOCK, _CHUNK = 2**15, 2**17
+#: bytes of a block that is compressed by itself, as VTK takes it by default
+_BLOCK = 2**15
 #: what decoding may raise on damaged bytes
 DAMAGE = (ValueError, IndexError, OverflowError, MemoryError, zlib.error, lzma.LZMAError, EOFError)
 #: what an attribute of XML may not hold as it is
@@ -357,7 +357,9 @@ def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArr
                 at += sum(map(len, blobs[-1]))
             else:
                 put(f'<DataArray {head} format="ascii">\n')
-                _write_text(put, values)
+                form = "%d" if values.dtype.kind != "f" else "%.9g" if values.dtype == np.float32 else "%r"
+                for text in in_lines(values.reshape(-1), form, width if values.ndim == 2 else 12):
+                    put(text)
                 put("</DataArray>\n")
         put(f"</{section}>\n")
         if section == "FieldData":
@@ -380,18 +382,6 @@ def _bytes(values: NDArray, pack: bool) -> list[bytes | memoryview]:
     blocks = [zlib.compress(raw[a : a + _BLOCK], 1) for a in range(0, len(raw), _BLOCK)]
     head = [len(blocks), _BLOCK, len(raw) % _BLOCK, *map(len, blocks)]
     return [np.array(head, "<u8").tobytes(), *blocks]
-
-
-def _write_text(put: Callable[[str], None], values: NDArray) -> None:
-    """Write values as text, one row per line, reals with the fewest digits that read back the same."""
-    form = "%d" if values.dtype.kind != "f" else "%.9g" if values.dtype == np.float32 else "%r"
-    width = values.shape[1] if values.ndim == 2 else 12
-    flat, step = values.reshape(-1), width * max(1, _CHUNK // width)
-    for first, last in pairwise([*range(0, len(flat), step), len(flat)]):
-        part = flat[first:last].tolist()
-        rows, rest = divmod(len(part), width)
-        line = " ".join([form] * width) + "\n"
-        put((line * rows + (" ".join([form] * rest) + "\n" if rest else "")) % tuple(part))
 
 
 # ---- PVD: a list of a VTU file for each time, for ParaView

@@ -18,6 +18,7 @@ same `lacmesh_id`, so that a file whose other half was replaced is noticed.
 from __future__ import annotations
 
 import json
+import math
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -35,6 +36,7 @@ from lacmesh.formats.hdf5 import image, set_attributes
 from lacmesh.formats.med import families_of
 from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
 from lacmesh.formats.output import readable
+from lacmesh.formats.text import in_lines
 from lacmesh.formats.vtu import legal
 from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.formats.xdmf_reader import ID, PLACE, read
@@ -102,10 +104,9 @@ class _Sink:
         kind, size = values.dtype.kind, values.dtype.itemsize
         head = f'Dimensions="{" ".join(map(str, values.shape))}" NumberType="{_NUMBERS[kind]}" Precision="{size}"'
         if self.root is None:
-            rows = values.reshape(len(values), -1).tolist() if values.size else []
-            form = str if kind != "f" else repr if size == 8 else "{:.9g}".format
-            text = "\n".join(" ".join(map(form, row)) for row in rows)
-            return f'<DataItem {head} Format="XML">\n{text}\n</DataItem>\n'
+            form = "%d" if kind != "f" else "%r" if size == 8 else "%.9g"
+            text = "".join(in_lines(values.reshape(-1), form, max(1, math.prod(values.shape[1:]))))
+            return f'<DataItem {head} Format="XML">\n{text}</DataItem>\n'
         options = {}
         if (packed or self.compress) and values.size:
             n = max(1, 2**18 // max(1, values[0].size))

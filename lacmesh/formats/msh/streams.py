@@ -6,10 +6,10 @@ only their own counts delimit; section names and lines of text stay text.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
 from lacmesh.formats.ids import CHUNK
-from lacmesh.formats.source import SourceFile
-from lacmesh.formats.text import bad_line, decoded, parsed
+from lacmesh.formats.text import SourceFile, bad_line, decoded, parsed, rows_of_text
 from lacmesh.mesh import Floats, Ints, Tag
 
 #: kind of a number -> numpy's type of it in a binary file: int, size_t (2^63 and more come out negative) and double
@@ -207,20 +206,17 @@ class Output:
 
     def rows(self, types: Sequence[str], *tables: NDArray) -> None:
         """Write rows of tables (n,) or (n, m) side by side; `types`: numpy's type of each in binary."""
+        if not self.binary:
+            width = sum(math.prod(table.shape[1:]) for table in tables)
+            for text in rows_of_text(" ".join(["%r"] * width) + "\n", *tables):
+                self.text(text)
+            return
+        layout = [(str(k), kind, table.shape[1:]) for k, (kind, table) in enumerate(zip(types, tables, strict=True))]
         for a in range(0, len(tables[0]), CHUNK):
-            parts = [table[a : a + CHUNK] for table in tables]
-            if self.binary:
-                layout = [
-                    (str(k), kind, part.shape[1:]) for k, (kind, part) in enumerate(zip(types, parts, strict=True))
-                ]
-                record = np.empty(len(parts[0]), layout)
-                for k, part in enumerate(parts):
-                    record[str(k)] = part
-                self.array(record)
-            else:
-                columns = [column.tolist() for part in parts for column in part.reshape(len(part), -1).T]
-                line = " ".join(["%r"] * len(columns)) + "\n"
-                self.text(line * len(parts[0]) % tuple(chain.from_iterable(zip(*columns, strict=True))))
+            record = np.empty(len(tables[0][a : a + CHUNK]), layout)
+            for k, table in enumerate(tables):
+                record[str(k)] = table[a : a + CHUNK]
+            self.array(record)
 
 
 # ---- names: between double quotes, on one line; the true ones are kept in our note. gmsh (4.15) reads a line of 255
