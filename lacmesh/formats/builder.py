@@ -20,7 +20,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.ids import Index, repeated
+from lacmesh.indices import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 #: makes the error of a message and a row of a run

@@ -16,8 +16,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, LacmeshWarning
-from lacmesh.formats.ids import divided
-from lacmesh.indices import codes
+from lacmesh.indices import codes, divided
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _LARGEST = 2**31 - 1

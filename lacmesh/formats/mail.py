@@ -24,9 +24,9 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import repeated
 from lacmesh.formats.text import AS_REALS, SourceFile, decoded, in_lines, node_lines, parsed, rows_of_text
 from lacmesh.formats.writing import blocks_in_order, changes, check_types, is_plane, labels, left_out
+from lacmesh.indices import repeated
 from lacmesh.mesh import Floats, Ints, Mesh, positions
 
 #: Keyword -> our place of the node that the file lists k-th. Corners are ordered as in gmsh, not as in MED; mid-nodes

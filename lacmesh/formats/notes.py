@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
 from lacmesh.errors import CutError
-from lacmesh.formats.ids import Index, numbered, repeated
+from lacmesh.indices import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 from lacmesh.topology.skin import label_rows
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, reading
-from lacmesh.formats.ids import CHUNK
+from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints
 
 #: Separators become blanks; in real numbers, Fortran's exponents D become E.

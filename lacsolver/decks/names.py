@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.deck import Deck
-from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.elements import FACETS
+from lacmesh.indices import Index
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, cells_of_dim, faces_of, facets_of, find_owners

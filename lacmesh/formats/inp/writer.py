@@ -24,13 +24,13 @@ from lacmesh.cells import CELLS
 from lacmesh.deck import INP_CARD, Deck, DeckCard, Lines, key_of
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import notes
-from lacmesh.formats.ids import repeated
 from lacmesh.formats.inp import elements
 from lacmesh.formats.inp.cards import LARGEST, NOTE
 from lacmesh.formats.inp.carry import NAME, Carrier, Refusal, flattened, with_option, without_option
 from lacmesh.formats.inp.sets import roles_of
 from lacmesh.formats.text import in_lines, node_lines, rows_of_text
 from lacmesh.formats.writing import changes, file_order, is_plane, labels, left_out
+from lacmesh.indices import repeated
 from lacmesh.mesh import Ints, Mesh, mask_of
 
 #: Characters of a real number in both programs; nodes or elements on a line.

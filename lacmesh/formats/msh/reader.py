@@ -10,10 +10,10 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import fields
 from lacmesh.formats.msh.streams import MshSource, physical_names, unnamed
 from lacmesh.formats.notes import DAMAGED, boundary_of, integers, noted_fields, parse
+from lacmesh.indices import Index
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag, places_of
 
 #: Versions that we read -> the layout they have.

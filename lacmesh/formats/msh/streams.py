@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
-from lacmesh.formats.ids import CHUNK
 from lacmesh.formats.text import SourceFile, bad_line, decoded, parsed, rows_of_text
+from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints, Tag
 
 #: kind of a number -> numpy's type of it in a binary file: int, size_t (2^63 and more come out negative) and double

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats.entities import Assignment, assign
-from lacmesh.formats.ids import numbered
 from lacmesh.formats.msh import version2, version4
 from lacmesh.formats.msh.fields import SECTIONS, field_rows
 from lacmesh.formats.msh.reader import LARGEST_TAG, NOTE
 from lacmesh.formats.msh.streams import Output, safe_names, unnamed
 from lacmesh.formats.notes import dump, in_lines
+from lacmesh.indices import numbered
 from lacmesh.mesh import Ints, Mesh, Tag
 
 
