@@ -21,7 +21,7 @@ from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
 from lacmesh.indices import Index, repeated
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 
 #: makes the error of a message and a row of a run
 ErrorAt = Callable[[str, int], ReadError]
@@ -52,16 +52,16 @@ class _Run:
 class _Listed:
     """Nodes or cells of a file in runs; groups and data by number: members (k,), pairs of numbers and values.
 
-    `place` (n,): positions in the file, `number` (n,), and `index`, from a number or a row, once all are there.
+    Once all are there: `place` (n,), positions in the file, `number` (n,), and `index`, from a number or a row.
     """
 
     word: str
     runs: list[_Run] = field(default_factory=list)
     groups: dict[str, list[Ints]] = field(default_factory=dict)
     data: dict[str, list[tuple[Ints | None, Any]]] = field(default_factory=dict)
-    place: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    number: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    index: Index = field(default_factory=lambda: Index(np.empty(0, np.int64)))
+    place: Ints = field(init=False)
+    number: Ints = field(init=False)
+    index: Index = field(init=False)
 
     @property
     def size(self) -> int:
@@ -69,12 +69,8 @@ class _Listed:
 
     def order(self) -> None:
         """Sort the runs by type, in the order of the types' first rows in the file, and find all places."""
-        n = self.size
-        free = np.ones(n, bool)
-        for run in self.runs:
-            if run.at is not None:
-                free[run.at] = False
-        rest, first = np.flatnonzero(free), dict[str, int]()
+        n, first = self.size, dict[str, int]()
+        rest = np.flatnonzero(~mask_of(n, *(run.at for run in self.runs if run.at is not None)))
         for run in self.runs:
             if run.at is None:
                 run.at, rest = rest[: len(run.rows)], rest[len(run.rows) :]
@@ -168,25 +164,16 @@ class MeshBuilder:
         for part in (nodes, cells):
             part.order()
             self._number(part)
-        values: dict[str, Any] = {
-            "node_number": nodes.number,
-            "cell_number": cells.number,
-            "file_order": None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place),
-        }
         points, blocks = self._points(nodes), list(self._blocks(nodes.index, cells))
         for on, part in self._listed.items():
-            values |= {f"{on}_groups": self._groups(part), f"{on}_data": self._data(on, part)}
+            rest |= {f"{on}_groups": self._groups(part), f"{on}_data": self._data(on, part)}
         if self._lost:
-            self.warnings.append(
-                f"{self._lost} values or members belong to nodes or cells that the file does not hold: left out"
-            )
-        mesh = Mesh.create(points, blocks, **values | rest)
-        known = {*mesh.cell_data, *mesh.node_data}
-        mesh = replace(
-            mesh,
-            group_tags={name: tags for name, tags in mesh.group_tags.items() if name in mesh.cell_groups},
-            steps={key: step for key, step in mesh.steps.items() if key in known},
-        )
+            text = "values or members belong to nodes or cells that the file does not hold: left out"
+            self.warnings.append(f"{self._lost} {text}")
+        for key, known in (("group_tags", rest["cell_groups"]), ("steps", rest["cell_data"] | rest["node_data"])):
+            rest[key] = {name: value for name, value in rest.get(key, {}).items() if name in known}
+        order = None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place)
+        mesh = Mesh.create(points, blocks, node_number=nodes.number, cell_number=cells.number, file_order=order, **rest)
         mesh = notes.load(mesh, self.note, self.warnings)
         if is_cut(mesh) and not mesh.zones:
             mesh = replace(mesh, zones=notes.zone_names(mesh.cell_data, mesh.cell_groups))

@@ -135,12 +135,9 @@ class MshSource(SourceFile):
             if not (number == table[:, 0]).all() or np.abs(table[:, 0]).max(initial=0.0) >= _TOO_LARGE:
                 raise self.error(f"the number of a {what} should be an integer")
             return number, table[:, 1:]
-        size = 4 + 8 * width  # numpy's types hold no record of very many components
-        raw = self.records(n, size)
-        if not n:
-            return np.empty(0, np.int64), np.empty((0, width))
-        number = np.ndarray((n,), self.order + "i4", raw.data, 0, (size,))
-        return number, np.ndarray((n, width), self.order + "f8", raw.data, 4, (size, 8))
+        dtype = np.dtype([("number", self.order + "i4"), ("values", self.order + "f8", (width,))])
+        rows = self.records(n, dtype.itemsize).reshape(-1).view(dtype)
+        return rows["number"], rows["values"]
 
     def records(self, n: int, size: int) -> NDArray[np.uint8]:
         """The next n records of a binary file, of `size` bytes each, a view (n, size). Raises ReadError as `take`."""

@@ -132,15 +132,10 @@ class Reader2(MshReader):
             if n == -16:
                 affine = tuple(source.take("real", 16).tolist())
                 n = int(source.take("int", 1)[0])
-            if (
-                n < 0
-                or not 0 <= dim <= 3
-                or max(abs(slave), abs(master)) > LARGEST_TAG
-                or not np.isfinite(affine).all()
-            ):
+            self.check_tag(dim, slave), self.check_tag(dim, master)
+            if n < 0 or not np.isfinite(affine).all():
                 raise source.here("this is no periodic link")
-            pairs = source.take("int", 2 * n).reshape(n, 2)
-            self.links.append(((dim, slave), (dim, master), affine, pairs))
+            self.links.append((dim, slave, dim, master, affine, source.take("int", 2 * n)))
 
 
 @kernel
