@@ -24,8 +24,19 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.text import AS_REALS, SourceFile, decoded, in_lines, node_lines, parsed, rows_of_text
-from lacmesh.formats.writing import blocks_in_order, changes, check_types, is_plane, labels, left_out
+from lacmesh.formats.notes import left_out
+from lacmesh.formats.orders import blocks_in_order, check_types, is_plane
+from lacmesh.formats.text import (
+    AS_REALS,
+    SourceFile,
+    changes,
+    decoded,
+    in_lines,
+    labels,
+    node_lines,
+    parsed,
+    rows_of_text,
+)
 from lacmesh.indices import repeated
 from lacmesh.mesh import Floats, Ints, Mesh, positions
 

@@ -27,8 +27,7 @@ from lacmesh.formats import hdf5
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.notes import dump
-from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell
-from lacmesh.formats.writing import blocks_in_order, check_types, is_plane
+from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell, blocks_in_order, check_types, is_plane
 from lacmesh.indices import divided, repeated
 from lacmesh.mesh import Ints, Mesh, concatenated
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import ReadError, some
 from lacmesh.facts import listed
-from lacmesh.formats.writing import file_order
+from lacmesh.formats.orders import file_order
 from lacmesh.mesh import Floats, Ints, Mesh
 
 #: formats whose text does not say where it ends: a file that lost its last lines reads as a smaller mesh

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records, without_records
 from lacmesh.errors import CutError
 from lacmesh.indices import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
@@ -275,3 +275,21 @@ def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]
         if first in cells and np.array_equal(inside, cells[first]):
             names[first] = name
     return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))
+
+
+def left_out(mesh: Mesh) -> list[str]:
+    """Clauses that name what a format of nodes, cells and groups loses of a mesh; records of a cut go into a note."""
+    mesh = without_records(mesh)
+    fields = [
+        *(f"cell data {name}" for name in mesh.cell_data if name != "entity"),
+        *(f"node data {name}" for name in mesh.node_data if name != "entity"),
+    ]
+    has = {
+        "entities": mesh.model is not None or "entity" in mesh.cell_data or "entity" in mesh.node_data,
+        "tags of groups": bool(mesh.group_tags),
+        "periodic links": mesh.model is not None and bool(mesh.model.periodic),
+    }
+    clauses = [f"fields are left out: {', '.join(fields)}"] if fields else []
+    clauses += [f"the zones of the cut are left out: {', '.join(mesh.zones)}"] if mesh.zones else []
+    of_gmsh = [what for what, there in has.items() if there]
+    return clauses + ([f"what only gmsh knows is left out: {', '.join(of_gmsh)}"] if of_gmsh else [])

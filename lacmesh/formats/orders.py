@@ -1,4 +1,4 @@
-"""Cells of MED, VTK, XDMF and meshio side by side: their names, numbers and orders of nodes.
+"""Cells of MED, VTK, XDMF and meshio side by side: their names, numbers and orders of nodes; their order in a file.
 
 An order lists our places of the nodes in the order in which the format names them. MED: MEDiterators.c of libmed. VTK:
 vtkCellType.h; its cells of higher order are Lagrange cells. XDMF: XdmfTopologyType.cpp, whose order is VTK's, as
@@ -7,9 +7,16 @@ dolfinx's cells.cpp says too.
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterator
+from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from lacmesh.cells import ALL_CELLS, CARRIED
+from lacmesh.errors import WriteError
+from lacmesh.mesh import Block, Ints, Mesh
 
 Places = tuple[int, ...]
 
@@ -205,3 +212,33 @@ def lagrange_8_to_9(n_nodes: int) -> Places:
     middle, last = first + inside, first + 2 * inside
     places[first:last] = places[middle:last] + places[first:middle]
     return tuple(places)
+
+
+# ---- cells of a mesh in a file
+
+
+def file_order(mesh: Mesh) -> Ints:
+    """Indices of the cells (n_cells,) in the order of the file."""
+    return np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+
+
+def blocks_in_order(mesh: Mesh) -> Iterator[tuple[Block, int, Ints]]:
+    """Yield each block that has cells, the index of its first cell, and the indices of all in the order of the file."""
+    order = file_order(mesh)
+    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets.tolist()), strict=True):
+        if lo < hi:
+            yield block, lo, order[lo:hi] if mesh.file_order is None else order[(order >= lo) & (order < hi)]
+
+
+def is_plane(mesh: Mesh) -> bool:
+    """True if two coordinates say all of a mesh: it is of two dimensions, has no solids, and z is 0."""
+    return mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
+
+
+def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> None:
+    """Raise WriteError where the mesh has cells of a type that is none of the `known` ones of a program or format."""
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in known:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
+            message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
+            raise WriteError(path, message)

@@ -1,7 +1,9 @@
-"""Numbers and names in text files: text to numbers at once, rows of numbers to text, the place of an error."""
+"""Text files: text to numbers at once, rows of numbers to text, labels for names, the line of an error."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator
 from itertools import chain
@@ -121,6 +123,44 @@ def in_lines(values: NDArray, form: str, per_line: int, between: str = " ") -> I
     for rows in (values[:whole].reshape(-1, per_line), values[whole:].reshape(1, -1)):
         if rows.size:
             yield from rows_of_text(between.join([form] * rows.shape[1]) + "\n", rows)
+
+
+def labels(
+    names: Iterable[str], allowed: str, limit: int, reserved: Iterable[str] = (), first: str = "A-Za-z"
+) -> dict[str, str]:
+    """Label for each name, distinct regardless of case; a name that is allowed is its own label.
+
+    `allowed`: characters allowed after the `first` one, written as in the brackets of a regular expression.
+
+    >>> labels(["rive gauche", "Rive_gauche", "été", "2nd"], "A-Za-z0-9_", 24)
+    {'rive gauche': 'rive_gauche_2', 'Rive_gauche': 'Rive_gauche', 'été': 'ete', '2nd': 'G_2nd'}
+    """
+    names = list(names)
+    taken = {word.upper() for word in reserved}
+    chosen = {}
+    plain = {}
+    for name in names:
+        letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
+        label = re.sub(rf"[^{allowed}]", "_", letters)
+        plain[name] = (label if re.match(rf"[{first}]", label) else f"G_{label}")[:limit]
+    for name in sorted(names, key=lambda name: plain[name] != name):  # names that fit come first
+        label, k = plain[name], 1
+        while label.upper() in taken:
+            k += 1
+            end = f"_{k}"
+            label = plain[name][: limit - len(end)] + end
+        taken.add(label.upper())
+        chosen[name] = label
+    return {name: chosen[name] for name in names}
+
+
+def changes(chosen: dict[str, str]) -> str:
+    """Text that lists the labels that differ from their names, for a warning; empty if none does.
+
+    >>> changes({"a": "a", "b c": "b_c"})
+    "'b c' is b_c"
+    """
+    return ", ".join(f"{name!r} is {label}" for name, label in chosen.items() if name != label)
 
 
 class SourceFile:

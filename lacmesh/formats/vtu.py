@@ -39,10 +39,9 @@ from lacmesh.formats.arrays import (
     with_tag_groups,
 )
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS
+from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS, check_types
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.text import in_lines
-from lacmesh.formats.writing import check_types
 from lacmesh.mesh import Ints, Mesh
 
 XmlElement = ElementTree.Element

@@ -34,11 +34,10 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.arrays import GROUP, NOTE, VtkCells, to_arrays, vtk_cells
 from lacmesh.formats.hdf5 import image, set_attributes
 from lacmesh.formats.med import families_of
-from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
+from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS, check_types, file_order, is_plane
 from lacmesh.formats.output import readable
 from lacmesh.formats.text import in_lines
 from lacmesh.formats.vtu import legal
-from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.formats.xdmf_reader import ID, PLACE, read
 from lacmesh.mesh import Ints, Mesh, mask_of
 
@@ -59,11 +58,7 @@ def write(
     `compress`: everything in the HDF5 file, not the groups only. Raises WriteError for a cell that XDMF lacks. What is
     left out is named in a LacmeshWarning.
     """
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in XDMF_CELLS:
-            what = {"PYRAM14": "write them as PYRAM13", "TRIA7": "write a .vtu, .med or .msh file"}.get(kind)
-            message = f"XDMF has no cells of type {kind}, the mesh has {n}; {what or 'write a .vtu or .msh file'}"
-            raise WriteError(path, message)
+    check_types(path, mesh, XDMF_CELLS, "XDMF")
     heavy, link = second or (None, "")
     if readable(link) != link:
         raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")

@@ -18,8 +18,7 @@ from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import inp, mail
 from lacmesh.formats.inp.elements import element
 from lacmesh.formats.mail import NODES
-from lacmesh.formats.text import values_in_lines
-from lacmesh.formats.writing import labels
+from lacmesh.formats.text import labels, values_in_lines
 from lacmesh.mesh import Mesh
 from tests.formats.msh_meshes import lenient, meshes
 from tests.formats.texts import INP, MAIL, MORE, PARTS

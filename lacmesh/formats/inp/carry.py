@@ -23,7 +23,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.deck import INP_CARD, DataLine, Deck, DeckCard, DeckInstance, Lines, key_of
 from lacmesh.errors import DataError
 from lacmesh.formats.inp.elements import FRAMES
-from lacmesh.formats.writing import labels
+from lacmesh.formats.text import labels
 from lacmesh.indices import Index
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.skin import Faces, cells_of_dim, find_owners

@@ -28,8 +28,9 @@ from lacmesh.formats.inp import elements
 from lacmesh.formats.inp.cards import LARGEST, NOTE
 from lacmesh.formats.inp.carry import NAME, Carrier, Refusal, flattened, with_option, without_option
 from lacmesh.formats.inp.sets import roles_of
-from lacmesh.formats.text import in_lines, node_lines, rows_of_text
-from lacmesh.formats.writing import changes, file_order, is_plane, labels, left_out
+from lacmesh.formats.notes import left_out
+from lacmesh.formats.orders import file_order, is_plane
+from lacmesh.formats.text import changes, in_lines, labels, node_lines, rows_of_text
 from lacmesh.indices import repeated
 from lacmesh.mesh import Ints, Mesh, mask_of
 

@@ -16,7 +16,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import Output
-from lacmesh.formats.writing import file_order
+from lacmesh.formats.orders import file_order
 from lacmesh.indices import repeated
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh, Tag, concatenated

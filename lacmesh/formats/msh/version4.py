@@ -12,7 +12,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import MshSource, Output
-from lacmesh.formats.writing import file_order
+from lacmesh.formats.orders import file_order
 from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints, Mesh, Tag, mask_of
 
