@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -118,6 +118,17 @@ def divided(label: Ints, n: int, groups: Iterable[Ints]) -> tuple[Ints, list[int
         for c in new[touched].tolist():
             inside[c] = (*inside[c], g)
     return label, source, inside
+
+
+def by_value(values: Ints, members: Ints) -> Iterator[tuple[int, Ints]]:
+    """Iterate over the distinct `values` (n,), ascending, with those of the `members` (n,) that have each.
+
+    >>> [(value, some.tolist()) for value, some in by_value(np.array([7, 3, 7]), np.array([0, 1, 2]))]
+    [(3, [1]), (7, [0, 2])]
+    """
+    order = np.argsort(values, kind="stable")
+    distinct_values, starts = np.unique(values[order], return_index=True)
+    return zip(distinct_values.tolist(), np.split(members[order], starts[1:]), strict=False)
 
 
 class Index:

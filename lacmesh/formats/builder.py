@@ -23,8 +23,8 @@ from lacmesh.formats import notes
 from lacmesh.indices import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 
-#: makes the error of a message and a row of a run
-ErrorAt = Callable[[str, int], ReadError]
+#: makes the error of a message about a run
+ErrorAt = Callable[[str], ReadError]
 
 
 @dataclass
@@ -83,8 +83,7 @@ class _Listed:
 
     def error(self, index: int, message: str) -> ReadError:
         """Return the error about the node or cell of an index."""
-        run = next(run for run in self.runs if run.first <= index < run.span.stop)
-        return run.error(message, index - run.first)
+        return next(run for run in self.runs if run.first <= index < run.span.stop).error(message)
 
 
 class MeshBuilder:
@@ -103,7 +102,7 @@ class MeshBuilder:
     def nodes(self, number: Ints | None, points: Floats, *, error: ErrorAt | None = None, **data: Any) -> None:
         """Add nodes: numbers (k,) or None, points (k, 1 to 3), and data of each, (k, ...).
 
-        `error` makes the error of a message and a row of these; by default it names the file alone.
+        `error` makes the error of a message about these; by default it names the file alone.
         """
         self._add("node", _Run("", number, points, error or self._error, (), data))
 
@@ -189,7 +188,7 @@ class MeshBuilder:
         for name in run.data:
             self._listed[on].data.setdefault(name, [])
 
-    def _error(self, message: str, row: int) -> ReadError:
+    def _error(self, message: str) -> ReadError:
         return ReadError(self.path, message)
 
     def _number(self, listed: _Listed) -> None:
@@ -236,7 +235,7 @@ class MeshBuilder:
                     row = run.rows[bad]
                     lost = some(row[nodes.places(self._by_number(row)) < 0])
                     cell = some(cells.number[run.first + bad : run.first + bad + 1])
-                    raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes", bad)
+                    raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes")
             yield kind, block
 
     def _by_number(self, members: Ints) -> Ints:

@@ -116,7 +116,7 @@ class _Reader:
         cells = [(part.keyword, self._cells(part)) for part in parts if part.keyword in NODES]
         numbers = {on: self._numbers_in_names(on) for on in self.places}
         at = dims[-1][0].at
-        self.builder.nodes(numbers["node"], points, error=lambda message, _: self.source.error(message, at))
+        self.builder.nodes(numbers["node"], points, error=lambda message: self.source.error(message, at))
         first = 0
         for kind, rows in cells:
             self.builder.cells(kind, numbers["cell"][first : first + len(rows)], rows)

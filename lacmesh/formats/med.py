@@ -28,10 +28,11 @@ from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.notes import dump
 from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell, blocks_in_order, check_types, is_plane
-from lacmesh.indices import divided, repeated
+from lacmesh.indices import by_value, divided, repeated
 from lacmesh.mesh import Ints, Mesh, concatenated
 
 _OF_NAME = {cell.name: cell for cell in MED_CELLS.values()}
+_BIT = {name: cell.bit for name, cell in _OF_NAME.items()}
 #: where a file may keep cells: as cells, or in old files as faces and edges (the first that has a type counts)
 _ENTITIES = ("MAI", "FAC", "ARE")
 #: parts of a file that no mesh has a place for
@@ -107,9 +108,8 @@ def _check_version(path: Path, root: h5py.File) -> None:
 
 def _chosen(path: Path, root: h5py.File, wanted: str | None) -> str | bytes:
     """Return the link to the mesh of that name, or to the only one. Raises ReadError, RequestError."""
-    links = (
-        {hdf5.text(name): name for name, _ in hdf5.groups_in(hdf5.member(root, "ENS_MAA"))} if "ENS_MAA" in root else {}
-    )
+    meshes = hdf5.groups_in(hdf5.member(root, "ENS_MAA")) if "ENS_MAA" in root else []
+    links = {hdf5.text(name): name for name, _ in meshes}
     if not links:
         raise ReadError(path, "holds no mesh")
     if wanted is None and len(links) > 1:
@@ -128,9 +128,7 @@ def _step(home: h5py.Group, left_out: list[str]) -> h5py.Group:
         raise hdf5.error_at(home, "has neither nodes nor steps")
     if len(steps) > 1:
         left_out.append(f"only one of the {len(steps)} steps of the mesh is read")
-    timeless = [
-        one for one in steps if (hdf5.attribute(one, "NDT", int), hdf5.attribute(one, "NOR", int, -1)) == (-1, -1)
-    ]
+    timeless = [one for one in steps if hdf5.attribute(one, "NDT", int) == hdf5.attribute(one, "NOR", int, -1) == -1]
     return (timeless or steps)[0]
 
 
@@ -147,7 +145,7 @@ def _read_nodes(home: h5py.Group, step: h5py.Group, out: MeshBuilder) -> tuple[i
     if hdf5.attribute(home, "REP", int, hdf5.attribute(coordinates, "REP", int, 0)) != 0:
         raise hdf5.error_at(nodes, "is cylindrical or spherical; only Cartesian coordinates are read", "COO")
     number, place = _numbers(nodes, n), f"{nodes.name}/COO"
-    out.nodes(number, points.reshape(dim, n).T, error=lambda message, _: ReadError(out.path, message, place))
+    out.nodes(number, points.reshape(dim, n).T, error=lambda message: ReadError(out.path, message, place))
     return dim, _family(nodes, n)
 
 
@@ -166,9 +164,7 @@ def _parts(step: h5py.Group, left_out: list[str]) -> Iterator[_Part]:
     for entity in _ENTITIES:
         inside = hdf5.groups_in(hdf5.member(step, entity)) if entity in step else []
         if inside and not step[entity].id.get_create_plist().get_link_creation_order():
-            inside.sort(
-                key=lambda item: _OF_NAME[hdf5.text(item[0])].bit if hdf5.text(item[0]) in _OF_NAME else len(_OF_NAME)
-            )
+            inside.sort(key=lambda item: _BIT.get(hdf5.text(item[0]), len(_BIT)))
         for name, part in ((hdf5.text(link), part) for link, part in inside):
             named = named or "NOM" in part
             if name in supports:
@@ -210,7 +206,7 @@ def _add_cells(parts: list[_Part], out: MeshBuilder) -> None:
         out.warnings.append(f"cells are numbered from 1, the file gives several the number {again}")
     for part in parts:
         number = (numbers if again is None else counted)[part.support]
-        error = lambda message, _, place=part.place: ReadError(out.path, message, place)  # noqa: E731
+        error = lambda message, place=part.place: ReadError(out.path, message, place)  # noqa: E731
         out.cells(part.kind.type, number, part.nodes, error=error)
 
 
@@ -231,21 +227,17 @@ def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, left_out: li
                 if not 0 <= n * _NAME_SIZE <= len(text):
                     raise hdf5.error_at(groups, f"holds {len(text)} bytes for {n} names of {_NAME_SIZE}", "NOM")
                 names += [hdf5.text(text[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
-            if "ATT" in family and "attributes of families are left out" not in left_out:
+            if "ATT" in family:
                 left_out.append("attributes of families are left out")
     return of_cells, of_nodes
 
 
 def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) -> None:
     """Add the groups of nodes or cells, from the family (n,) of each; groups without members included."""
-    order = np.argsort(family, kind="stable")
-    used, starts = np.unique(family[order], return_index=True)
-    rows = dict(zip(used.tolist(), np.split(order + 1, starts[1:]), strict=True)) if len(used) else {}
-    for name in sorted({name for names in families.values() for name in names}):
-        out.group(on, name)
-        for number, names in families.items():
-            if name in names and number in rows:
-                out.group(on, name, rows[number])
+    rows = dict(by_value(family, np.arange(1, len(family) + 1)))
+    pairs = [(name, number) for number, names in families.items() for name in names]
+    for name, number in sorted(pairs, key=lambda pair: pair[0]):
+        out.group(on, name, rows.get(number))
     unknown = [number for number in rows if number and number not in families]
     if unknown:
         out.warnings.append(f"{on}s in {len(unknown)} undefined families (as {unknown[0]}) get no group from them")

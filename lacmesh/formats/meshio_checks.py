@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -162,36 +162,45 @@ def round_trip_losses(before: Mesh, after: Mesh, indices: MeshMap) -> list[str]:
     if (indices.node < 0).any():
         lost.append(f"{int((indices.node < 0).sum())} nodes that no cell has")
     for on, to in (("cell", indices.cell), ("node", indices.node)):
-        groups, others = (getattr(mesh, f"{on}_groups") for mesh in (before, after))
-        gone = [
-            n for n, g in groups.items() if n not in others or not np.array_equal(np.sort(to[g]), np.sort(others[n]))
-        ]
-        lost += [f"the {on} groups {listed(map(repr, gone))}"] if gone else []
-        number, theirs = (getattr(mesh, f"{on}_number") for mesh in (before, after))
-        if not np.array_equal(number[to >= 0], theirs[to[to >= 0]]):
-            lost.append(f"the numbers of {on}s (they are 1, 2, ...)")
-    lost += _lost_data("cell", before.cell_data, after.cell_data, indices.cell)
-    lost += _lost_data("node", before.node_data, after.node_data, indices.node)
-    return lost + _lost_rest(before, after)
+        lost += _lost_on(on, before, after, to)
+    types = [np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after)]
+    same_order = np.array_equal(types[0], types[1])
+    periodic = [mesh.model is not None and bool(mesh.model.periodic) for mesh in (before, after)]
+    rest = {
+        f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
+        f"the mesh's name {before.name!r}": before.name not in ("mesh", after.name),
+        f"that the mesh has {before.space_dim} dimensions": before.space_dim != after.space_dim,
+        "the times of steps": before.steps and before.steps != after.steps,
+        "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
+        "periodic links": periodic == [True, False],
+        "the order of cells of different types": before.file_order is not None and not same_order,
+    }
+    return lost + [what for what, gone in rest.items() if gone]
 
 
-def _lost_data(on: str, data: Mapping[str, NDArray], others: Mapping[str, NDArray], to: Ints) -> list[str]:
-    gone, real, padded = [], [], []
-    there = to >= 0
+def _lost_on(on: str, before: Mesh, after: Mesh, to: Ints) -> Iterator[str]:
+    """Yield what is lost of the groups, numbers and data of nodes or cells, whose indices in `after` are `to`."""
+    (groups, data, number), (others, values_of, theirs) = (
+        (getattr(mesh, f"{on}_groups"), getattr(mesh, f"{on}_data"), getattr(mesh, f"{on}_number"))
+        for mesh in (before, after)
+    )
+    there, clauses = to >= 0, dict[str, list[str]]()
+    for name, members in groups.items():
+        if name not in others or not np.array_equal(np.sort(to[members]), np.sort(others[name])):
+            clauses.setdefault(f"the {on} groups {{}}", []).append(name)
     for name, values in data.items():
-        other = others.get(name)
-        if other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any():
-            other = other[:, :2]
-            padded.append(name)
+        other, what = values_of.get(name), f"the {on} data {{}}"
+        padded = other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any()
+        other = other[:, :2] if padded else other
         if other is None or other.shape[1:] != values.shape[1:] or not _same(values[there], other[to[there]]):
-            gone.append(name)
+            clauses.setdefault(what, []).append(name)
         elif values.dtype.kind in "iu" and other.dtype.kind == "f":
-            real.append(name)
-    padded = [name for name in padded if name not in gone]
-    lost = [f"the {on} data {listed(map(repr, gone))}"] if gone else []
-    lost += [f"that the {on} data {listed(map(repr, real))} are integers"] if real else []
-    added = "have 2 components (a third, 0, is added)"
-    return lost + ([f"that the {on} data {listed(map(repr, padded))} {added}"] if padded else [])
+            clauses.setdefault(f"that {what} are integers", []).append(name)
+        elif padded:
+            clauses.setdefault(f"that {what} have 2 components (a third, 0, is added)", []).append(name)
+    if not np.array_equal(number[there], theirs[to[there]]):
+        yield f"the numbers of {on}s (they are 1, 2, ...)"
+    yield from (clause.format(listed(map(repr, names))) for clause, names in clauses.items())
 
 
 def _same(a: NDArray, b: NDArray) -> bool:
@@ -199,24 +208,6 @@ def _same(a: NDArray, b: NDArray) -> bool:
         return False
     scale = float(np.nanmax(np.abs(a), initial=0.0)) if a.dtype.kind == "f" else 0.0
     return bool(np.allclose(a.astype(float), b.astype(float), rtol=1e-6, atol=1e-9 * scale, equal_nan=True))
-
-
-def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
-    periodic = [mesh.model is not None and bool(mesh.model.periodic) for mesh in (before, after)]
-    kinds = [
-        np.repeat([b.type for b in mesh.blocks], np.diff(mesh.offsets))[file_order(mesh)] for mesh in (before, after)
-    ]
-    lost = {
-        f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
-        f"the mesh's name {before.name!r}": before.name not in ("mesh", after.name),
-        f"that the mesh has {before.space_dim} dimensions": before.space_dim != after.space_dim,
-        "the times of steps": before.steps and before.steps != after.steps,
-        "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
-        "periodic links": periodic == [True, False],
-        "the order of cells of different types": before.file_order is not None
-        and not np.array_equal(kinds[0], kinds[1]),
-    }
-    return [what for what, gone in lost.items() if gone]
 
 
 def misplaced_mid_nodes(mesh: Mesh) -> str:

@@ -18,6 +18,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
@@ -253,11 +254,11 @@ def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, sev
     first_node, first_cell = out.size("node"), out.size("cell")
     cells = _read_cells(document, piece, n, k)
     on_nodes, on_cells = (_read_data(document, piece, f"{on}Data", m, out) for on, m in (("Point", n), ("Cell", k)))
-    at_points = lambda message, _: document.error(message, "<Points>")  # noqa: E731
-    out.nodes(numbers_in(on_nodes, "node", n, out), points.reshape(n, 3), error=at_points)
+    number, at_points = numbers_in(on_nodes, "node", n, out), partial(document.error, place="<Points>")
+    out.nodes(number, points.reshape(n, 3), error=at_points)
     old = [int(part) for part in document.root.get("version", "0.1").split(".") if part.isdigit()] < [2, 1]
-    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
-    add_cells(out, cells, numbers_in(on_cells, "cell", k, out), error, first_node=first_node, old=old)
+    error, number = partial(document.error, place="<Cells>"), numbers_in(on_cells, "cell", k, out)
+    add_cells(out, cells, number, error, first_node=first_node, old=old)
     add_arrays(out, "node", on_nodes, np.arange(first_node, first_node + n) if several else None)
     add_arrays(out, "cell", on_cells, np.arange(first_cell, first_cell + k) if several else None)
     return set(on_cells)
@@ -276,8 +277,8 @@ def _read_cells(document: _Document, piece: XmlElement, n_points: int, k: int) -
         ends = ends[1:]
     if len(ends) != k or len(types) != k:
         raise document.error(f"holds {len(types)} types and {len(ends)} offsets for {k} cells", "<Cells>")
-    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
-    return checked_cells(VtkCells(read["connectivity"], ends, types), n_points, error)
+    cells = VtkCells(read["connectivity"], ends, types)
+    return checked_cells(cells, n_points, partial(document.error, place="<Cells>"))
 
 
 def _read_data(document: _Document, piece: XmlElement, section: str, size: int, out: MeshBuilder) -> dict[str, NDArray]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -86,8 +87,8 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         grids = _wanted(source, list(_grids(source, domain)), mesh, out)
         points = _points(source, _only(source, grids[0].children, "Geometry"))
         parts, on_nodes, steps = _parts(source, grids, len(points))
-    error = lambda message, _: source.error(message, "<Geometry>")  # noqa: E731
-    out.nodes(numbers_in(on_nodes, "node", len(points), out), points, error=error)
+    number = numbers_in(on_nodes, "node", len(points), out)
+    out.nodes(number, points, error=partial(source.error, place="<Geometry>"))
     _add_parts(source, parts, out)
     add_arrays(out, "node", on_nodes)
     known = {name for part in parts for name in part.arrays}

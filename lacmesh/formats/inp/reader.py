@@ -13,7 +13,7 @@ import numpy as np
 from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, Lines, key_of, shown_name
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.builder import ErrorAt, MeshBuilder
+from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.inp.cards import NOTE, NOTE_LINE, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
 from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
@@ -265,11 +265,11 @@ class _Reader:
         """Return the mesh, with its deck. Raises ReadError."""
         builder = MeshBuilder(self.path, cell="element")
         for _, card, number, points in self.nodes:
-            builder.nodes(number, points, error=_error_of(card))
+            builder.nodes(number, points, error=card.error)
         for cells in self.elements:
             rows = cells.nodes[:, np.argsort(cells.element.nodes)]
             index = np.full(len(rows), cells.index)
-            builder.cells(cells.element.type, cells.number, rows, error=_error_of(cells.card), inp_card=index)
+            builder.cells(cells.element.type, cells.number, rows, error=cells.card.error, inp_card=index)
         resolver = Resolver(self.sets, concatenated(number for _, _, number, _ in self.nodes), self.elements)
         for (kind, key), one in self.sets.items():
             if kind in ("NSET", "ELSET"):
@@ -374,10 +374,6 @@ class _Reader:
             else (),
             assembly_offset=(self.assembly.nodes, self.assembly.elements),
         )
-
-
-def _error_of(card: DeckCard) -> ErrorAt:
-    return lambda message, row: card.error(message)
 
 
 def _without_note(parts: tuple[Lines, ...]) -> tuple[Lines, ...]:

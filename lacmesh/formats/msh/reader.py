@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,7 @@ class Elements:
     entity: Any
     partition: int | Ints = -1
     groups: tuple[Tag, ...] = ()
-    physical: Ints | None = None
+    physical: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     at: Ints | None = None
 
 
@@ -122,7 +122,7 @@ class MshReader:
 
     def error(self, section: str) -> Any:
         """Return the function that makes the error of a message about a section."""
-        return lambda message, _: self.source.error(message, self._starts[section])
+        return lambda message: self.source.error(message, self._starts[section])
 
     def check_tag(self, dim: int, tag: int) -> Tag:
         """Return an entity's dimension and tag. Raises ReadError."""

@@ -7,7 +7,6 @@ for each of them: such elements are made one cell again. We write it once, with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,7 @@ from lacmesh.formats.entities import Assignment
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.orders import file_order
-from lacmesh.indices import repeated
+from lacmesh.indices import by_value, repeated
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 from lacmesh.topology.skin import label_rows
@@ -53,12 +52,12 @@ class Reader2(MshReader):
         number = concatenated(e.number for e in self.elements)
         twice, further = (repeated(number) if number.min(initial=1) > 0 else None), list[tuple[Tag, Ints]]()
         if twice is not None:
-            raise self.error("Elements")(f"two cells have the number {twice}", 0)
+            raise self.error("Elements")(f"two cells have the number {twice}")
         for e in self.elements:
-            repeats, tags = _merge(e)
+            dim, (repeats, tags) = ALL_CELLS[e.type].dim, _merge(e)
             self.repeats = np.concatenate([self.repeats, repeats], axis=1)
-            self.members += _by_value(ALL_CELLS[e.type].dim, e.physical, e.number)
-            further += _by_value(ALL_CELLS[e.type].dim, tags, repeats[1])
+            self.members += (((dim, tag), some) for tag, some in by_value(e.physical, e.number) if tag)
+            further += (((dim, tag), some) for tag, some in by_value(tags, repeats[1]) if tag)
         self.members += further
         n_merged = self.repeats.shape[1]
         if not n_merged:
@@ -166,22 +165,13 @@ def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: igno
     return n_found, place
 
 
-def _by_value(dim: int, tags: Ints | None, numbers: Ints) -> Iterator[tuple[Tag, Ints]]:
-    """Yield each physical group other than 0 of elements of a dimension, and the numbers of those in it."""
-    assert tags is not None
-    order = np.argsort(tags, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(tags[order])) + 1):
-        if len(rows) and tags[rows[0]]:
-            yield (dim, int(tags[rows[0]])), numbers[rows]
-
-
 def _merge(e: Elements) -> tuple[Ints, Ints]:
     """Remove elements that repeat another one for a further group; return `MshReader.repeats` and their groups' tags.
 
     Repeats have the same nodes in the same order and the same entity, and each another group; the smallest number is
     kept.
     """
-    assert e.physical is not None and e.at is not None
+    assert e.at is not None
     rows = np.flatnonzero(e.physical)
     if not len(rows) or e.physical.min() == e.physical.max():
         return np.empty((2, 0), np.int64), np.empty(0, np.int64)
