@@ -141,9 +141,9 @@ class Deck:
     """All cards of a deck in order, *INCLUDE resolved, and the mesh as it was read.
 
     `start`: the lines before the first card. `mesh`: the mesh as read, which `Mesh.deck` of a later mesh still refers
-    to. `node_sets`, `element_sets`: name for comparison (`key_of`) -> name of the group of the mesh; `surfaces`: the
-    same for ("ELEMENT" or "NODE", name). A group of cells holds the cells of an element set and the skin cells of a
-    surface of the same name. `labels`: names of groups in the deck where they are not those of the mesh.
+    to. `groups`: kind of a set ("NSET", "ELSET") or surface ("ELEMENT", "NODE"), and its name for comparison (`key_of`)
+    -> name of the mesh's group. One of cells holds the cells of an element set and the skin cells of a surface of that
+    name. `labels`: names of groups in the deck where they are not those of the mesh.
     `numbers_differ`: why the numbers on cards are not those of the mesh (instances), else empty. Of a deck with
     `instances`, `instance_numbers`: place of a card of nodes or elements, their numbers in the mesh and the index of
     the card, once for each instance; `assembly_offset`: by how much the assembly's numbers are raised.
@@ -153,9 +153,7 @@ class Deck:
     cards: tuple[DeckCard, ...]
     mesh: Mesh
     start: tuple[Lines, ...] = ()
-    node_sets: Mapping[str, str] = field(default_factory=dict)
-    element_sets: Mapping[str, str] = field(default_factory=dict)
-    surfaces: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    groups: Mapping[tuple[str, str], str] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
     numbers_differ: str = ""
     instances: tuple[DeckInstance, ...] = ()
@@ -177,17 +175,21 @@ class Deck:
         """Iterate over the cards of some names (`DeckCard.key`), in order."""
         return (card for card in self.cards if card.key in keys)
 
+    def groups_of(self, *kinds: str) -> dict[str, str]:
+        """Return the groups of sets or surfaces of some kinds, by their names for comparison."""
+        return {key: group for (kind, key), group in self.groups.items() if kind in kinds}
+
     def node_group(self, name: str) -> str | None:
         """Name of the mesh's group of nodes that a card means by `name`; None if there is no such node set."""
-        return self.node_sets.get(key_of(name))
+        return self.groups.get(("NSET", key_of(name)))
 
     def element_group(self, name: str) -> str | None:
         """Name of the mesh's group of cells that a card means by `name`; None if there is no such element set."""
-        return self.element_sets.get(key_of(name))
+        return self.groups.get(("ELSET", key_of(name)))
 
     def surface_group(self, name: str) -> tuple[str, str] | None:
         """Type of the surface that a card means by `name`, and its group: ELEMENT, of cells; NODE, of nodes."""
-        groups = ((kind, self.surfaces.get((kind, key_of(name)))) for kind in ("ELEMENT", "NODE"))
+        groups = ((kind, self.groups.get((kind, key_of(name)))) for kind in ("ELEMENT", "NODE"))
         return next(((kind, group) for kind, group in groups if group is not None), None)
 
 

@@ -240,9 +240,7 @@ def flattened(deck: Deck) -> tuple[Deck, tuple[Refusal, ...]]:
     return replace(
         deck,
         cards=(*before, *flat.of_mesh(), *model, *of_parts, *steps),
-        node_sets={key_of(flat.labels[group]): group for group in deck.node_sets.values()},
-        element_sets={key_of(flat.labels[group]): group for group in deck.element_sets.values()},
-        surfaces={(kind, key_of(flat.labels[group])): group for (kind, _), group in deck.surfaces.items()},
+        groups={(kind, key_of(flat.labels[group])): group for (kind, _), group in deck.groups.items()},
         labels=flat.labels,
         numbers_differ="",
         instances=(),
@@ -264,7 +262,7 @@ class _Flat:
         end = deck.assembly_offset if any(deck.assembly_offset) else tuple(largest)
         ends = [*((one.nodes, one.elements) for one in deck.instances[1:]), end]
         self._ends = dict(zip(self.instances, ends, strict=True))  # the largest numbers of each instance
-        known = {**deck.node_sets, **deck.element_sets, **{key: group for (_, key), group in deck.surfaces.items()}}
+        known = {key: group for (_, key), group in deck.groups.items()}
         self.labels = labels(dict.fromkeys(known.values()), "A-Za-z0-9_-", NAME, first="A-Za-z_")
         self._by_key = {key: self.labels[group] for key, group in known.items()}
         self._renamed = {key: label for key, label in self._by_key.items() if label != known[key]}
@@ -275,10 +273,9 @@ class _Flat:
         for k, numbers, index in self.deck.instance_numbers:
             card = without_option(self.deck.cards[k], "ELSET", "NSET", "SYSTEM", "INPUT")
             yield replace(card, body=card.comments, numbers=numbers, index=index)
-        sets = [("NSET", {"NSET": group}) for group in dict.fromkeys(self.deck.node_sets.values())]
-        sets += [("ELSET", {"ELSET": group}) for group in dict.fromkeys(self.deck.element_sets.values())]
-        sets += [("SURFACE", {"NAME": group, "TYPE": kind}) for (kind, _), group in self.deck.surfaces.items()]
-        for keyword, names in sets:
+        for kind, group in dict.fromkeys((kind, group) for (kind, _), group in self.deck.groups.items()):
+            surface = kind in ("NODE", "ELEMENT")
+            keyword, names = ("SURFACE", {"NAME": group, "TYPE": kind}) if surface else (kind, {kind: group})
             place = next((card for card in self.deck.cards if card.key == keyword), self.deck.cards[0])
             options = {option: self.labels.get(name, name) for option, name in names.items()}
             head = ", ".join([f"*{keyword}", *(f"{option}={value}" for option, value in options.items())])

@@ -354,7 +354,7 @@ class _Reader:
             if not self.instances or values_in_lines(one.card.values).sum() <= one.nodes.size + len(one.number)
         ]
         numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
-        names = {kind: {key: one.shown for (k, key), one in self.sets.items() if k == kind} for kind in OF_KIND}
+        groups = {at: self.sets[at].shown for kind in OF_KIND for at in self.sets if at[0] == kind}
         cards = []
         for k, card in enumerate(self.cards):
             body = card.comments if k in numbers and k not in self.whole else card.body
@@ -364,9 +364,7 @@ class _Reader:
             tuple(cards),
             mesh,
             _without_note(self.start),
-            names["NSET"],
-            names["ELSET"],
-            {(kind, key): shown for kind in ("NODE", "ELEMENT") for key, shown in names[kind].items()},
+            groups,
             numbers_differ=self.numbers_differ,
             instances=tuple(self.instances.values()),
             instance_numbers=tuple((k % len(self.cards), number, k) for k, _, number in entries)

@@ -153,8 +153,8 @@ class _Writer:
         self.heads: dict[int, DeckCard] = {}  # cards without the sets that are written anew
         self.dropped: set[int] = set()  # index of the cards of these sets
         self.behind: dict[int, list[str]] = {}  # sets that stand behind the card of an index
-        for kind, sets in (("NSET", self.deck.node_sets), ("ELSET", self.deck.element_sets)):
-            for key, group in sets.items() if not self.deck.numbers_differ else ():
+        for (kind, key), group in self.deck.groups.items() if not self.deck.numbers_differ else ():
+            if kind in ("NSET", "ELSET"):
                 self._plan_set(kind, key, group)
 
     def __iter__(self) -> Iterator[str]:
@@ -324,7 +324,7 @@ class _Writer:
     def _surface(self, card: DeckCard) -> Iterator[str] | None:
         """Yield a surface whose faces or nodes changed from the mesh; None if it is carried as it stands."""
         kind, key = card.options.get("TYPE", "ELEMENT").upper(), key_of(card.options.get("NAME", ""))
-        group = self.deck.surfaces.get((kind, key))
+        group = self.deck.groups.get((kind, key)) if kind in ("NODE", "ELEMENT") else None
         if group is None:
             return None
         mesh, read = self.mesh, self.deck.mesh
@@ -369,11 +369,10 @@ class _Writer:
 
         Cells of a group that are skin, or no elements, give a set of nodes.
         """
-        mesh, surfaces = self.mesh, self.deck.surfaces.items()
-        known = {*self.deck.element_sets.values(), *(group for (kind, _), group in surfaces if kind == "ELEMENT")}
-        known_nodes = {*self.deck.node_sets.values(), *(group for (kind, _), group in surfaces if kind == "NODE")}
-        cells = {name: members for name, members in mesh.cell_groups.items() if name not in known}
-        nodes = {name: members for name, members in mesh.node_groups.items() if name not in known_nodes}
+        mesh = self.mesh
+        known = {(kind in ("NSET", "NODE"), group) for (kind, _), group in self.deck.groups.items()}
+        cells = {name: members for name, members in mesh.cell_groups.items() if (False, name) not in known}
+        nodes = {name: members for name, members in mesh.node_groups.items() if (True, name) not in known}
         own = {name: mesh.nodes_on(some[self.skin[some] | ~self.is_element[some]]) for name, some in cells.items()}
         of_cells = {name: some for name, some in own.items() if len(some)}
         label_of, clash_label = self._labels({**cells, **nodes}, of_cells)
