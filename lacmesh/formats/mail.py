@@ -25,7 +25,7 @@ from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.notes import left_out
-from lacmesh.formats.orders import blocks_in_order, check_types, is_plane
+from lacmesh.formats.orders import blocks_in_order, check_types, is_plane, numbers_within
 from lacmesh.formats.text import (
     AS_REALS,
     SourceFile,
@@ -275,8 +275,11 @@ def write(path: Path, mesh: Mesh) -> None:
     """
     check_types(path, mesh, NODES, "code_aster")
     clauses = left_out(mesh)
-    node = _file_numbers(path, mesh.node_number, "nodes", clauses)
-    cell = _file_numbers(path, mesh.cell_number, "cells", clauses)
+    for n, what in ((mesh.n_nodes, "nodes"), (mesh.n_cells, "cells")):
+        if n > _LARGEST:
+            raise WriteError(path, f"code_aster's names number {_LARGEST} {what} at most; write a .med file")
+    node = numbers_within(mesh.node_number, 0, _LARGEST, "nodes", clauses)
+    cell = numbers_within(mesh.cell_number, 0, _LARGEST, "cells", clauses)
     note = notes.dump(mesh, "zones", "records", node_number=node, cell_number=cell)
     with path.open("w", encoding="utf-8", newline="\n") as file:
         line = " ".join(mesh.name.split())
@@ -311,14 +314,3 @@ def write(path: Path, mesh: Mesh) -> None:
         file.write("FIN\n")
     if clauses:
         warnings.warn(LacmeshWarning(".mail: " + "; ".join(clauses)), stacklevel=2)
-
-
-def _file_numbers(path: Path, numbers: Ints, what: str, clauses: list[str]) -> Ints:
-    """The mesh's numbers; 1, 2 ... where they are not distinct, or too large for code_aster's names."""
-    if len(numbers) > _LARGEST:
-        raise WriteError(path, f"code_aster's names number {_LARGEST} {what} at most; write a .med file")
-    numbers = np.asarray(numbers, np.int64)
-    if len(numbers) and (numbers.min() < 0 or numbers.max() > _LARGEST or repeated(numbers) is not None):
-        clauses.append(f"the numbers of {what} are not distinct or above {_LARGEST}: they are 1, 2 ... in the file")
-        return np.arange(1, len(numbers) + 1)
-    return numbers

@@ -16,6 +16,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CARRIED
 from lacmesh.errors import WriteError
+from lacmesh.indices import repeated
 from lacmesh.mesh import Block, Ints, Mesh
 
 Places = tuple[int, ...]
@@ -242,3 +243,13 @@ def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> No
             what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
             message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
             raise WriteError(path, message)
+
+
+def numbers_within(numbers: Ints, least: int, largest: int, what: str, clauses: list[str]) -> Ints:
+    """Numbers of nodes or cells; 1, 2 ..., with a clause, where some are equal, or beyond what a format can hold."""
+    numbers = np.asarray(numbers, np.int64)
+    within = numbers.min(initial=least) >= least and numbers.max(initial=largest) <= largest
+    if within and repeated(numbers) is None:
+        return numbers
+    clauses.append(f"the numbers of {what} are not distinct from {least} to {largest}: they are 1, 2 ... in the file")
+    return np.arange(1, len(numbers) + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -135,23 +135,33 @@ def labels(
     >>> labels(["rive gauche", "Rive_gauche", "été", "2nd"], "A-Za-z0-9_", 24)
     {'rive gauche': 'rive_gauche_2', 'Rive_gauche': 'Rive_gauche', 'été': 'ete', '2nd': 'G_2nd'}
     """
-    names = list(names)
-    taken = {word.upper() for word in reserved}
-    chosen = {}
-    plain = {}
-    for name in names:
+
+    def plain(name: str) -> str:
         letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
         label = re.sub(rf"[^{allowed}]", "_", letters)
-        plain[name] = (label if re.match(rf"[{first}]", label) else f"G_{label}")[:limit]
-    for name in sorted(names, key=lambda name: plain[name] != name):  # names that fit come first
-        label, k = plain[name], 1
-        while label.upper() in taken:
+        return (label if re.match(rf"[{first}]", label) else f"G_{label}")[:limit]
+
+    return distinct_names(names, plain, limit, reserved, str.upper)
+
+
+def distinct_names(
+    names: Iterable[str],
+    plain: Callable[[str], str],
+    limit: int,
+    reserved: Iterable[str] = (),
+    like: Callable[[str], str] = str,
+) -> dict[str, str]:
+    """Plain name for each name, of at most `limit` letters; `like`: makes names that count as the same alike."""
+    of_name = {name: plain(name) for name in names}
+    taken, chosen = set(map(like, reserved)), dict[str, str]()
+    for name in sorted(of_name, key=lambda name: of_name[name] != name):  # names that fit come first
+        label, k = of_name[name], 1
+        while like(label) in taken:
             k += 1
-            end = f"_{k}"
-            label = plain[name][: limit - len(end)] + end
-        taken.add(label.upper())
+            label = of_name[name][: limit - len(f"_{k}")] + f"_{k}"
+        taken.add(like(label))
         chosen[name] = label
-    return {name: chosen[name] for name in names}
+    return {name: chosen[name] for name in of_name}
 
 
 def changes(chosen: dict[str, str]) -> str:

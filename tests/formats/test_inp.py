@@ -564,6 +564,6 @@ def test_lines_numbers_and_names_are_what_code_aster_reads(tmp_path):
     for word in re.findall(r"(?<=\s)-?[0-9][^\s]*", "\n".join(lines)):
         assert re.fullmatch(r"-?\d+\.\d+(e[+-]\d+)?", word)
     assert np.array_equal(read.points, points)
-    with pytest.warns(LacmeshWarning, match="above 9999999"):
+    with pytest.warns(LacmeshWarning, match="not distinct from 0 to 9999999"):
         read = mail_again(tmp_path, Mesh.create(points, hexa, node_number=number + 1, cell_number=[5]))
     assert (read.node_number.tolist(), read.cell_number.tolist()) == ([*range(1, 10)], [5])

@@ -18,7 +18,6 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.deck import INP_CARD, Deck, DeckCard, Lines, key_of
@@ -29,7 +28,7 @@ from lacmesh.formats.inp.cards import LARGEST, NOTE
 from lacmesh.formats.inp.carry import NAME, Carrier, Refusal, flattened, with_option, without_option
 from lacmesh.formats.inp.sets import roles_of
 from lacmesh.formats.notes import left_out
-from lacmesh.formats.orders import file_order, is_plane
+from lacmesh.formats.orders import file_order, is_plane, numbers_within
 from lacmesh.formats.text import changes, in_lines, labels, node_lines, rows_of_text
 from lacmesh.indices import repeated
 from lacmesh.mesh import Ints, Mesh, mask_of
@@ -146,8 +145,10 @@ class _Writer:
         self.mesh, self.deck, self.clauses = carrier.mesh, carrier.deck, carrier.clauses
         element_role, self.parent, self.facet = roles_of(self.mesh, all_cells)
         self.is_element, self.skin = element_role | (index >= 0), self.parent >= 0
-        self.node = self._numbers(self.mesh.node_number, np.ones(self.mesh.n_nodes, bool), "nodes")
-        self.cell = self._numbers(self.mesh.cell_number, self.is_element, "cells")
+        self.node = numbers_within(self.mesh.node_number, 1, LARGEST, "nodes", self.clauses)
+        self.cell = self.mesh.cell_number.astype(np.int64)
+        own = self.cell[self.is_element]
+        self.cell[self.is_element] = numbers_within(own, 1, LARGEST, "cells", self.clauses)
         # behind the last card of the mesh, before the first step, stands what the deck does not have
         self.last = max((k for k, card in enumerate(self.deck.model) if card.key in _MESH), default=0)
         self.heads: dict[int, DeckCard] = {}  # cards without the sets that are written anew
@@ -195,16 +196,6 @@ class _Writer:
             if k == self.last:
                 yield from self._elements_without_card()
                 yield from others
-
-    def _numbers(self, numbers: Ints, which: NDArray[np.bool_], what: str) -> Ints:
-        """Numbers of the mesh; if those of `which` are not distinct, or out of range, these become 1, 2 ..."""
-        numbers = np.asarray(numbers, np.int64)
-        own = numbers[which]
-        if len(own) and (own.min() < 1 or own.max() > LARGEST or repeated(own) is not None):
-            text = f"the numbers of {what} are not distinct from 1 to {LARGEST}: they are 1, 2 ... in the file"
-            self.clauses.append(text)
-            return np.cumsum(which)
-        return numbers
 
     # ---- nodes and elements
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
-from lacmesh.formats.text import SourceFile, bad_line, decoded, parsed, rows_of_text
+from lacmesh.formats.text import SourceFile, bad_line, decoded, distinct_names, parsed, rows_of_text
 from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints, Tag
 
@@ -230,24 +230,14 @@ def safe_names(names: Iterable[str]) -> dict[str, str]:
     """Name in the file for each name: without quotes and control characters, not too long, distinct and not empty.
 
     >>> safe_names(["slave", 'a "b"', "a 'b'"])
-    {'slave': 'slave', 'a "b"': "a 'b'~2", "a 'b'": "a 'b'"}
+    {'slave': 'slave', 'a "b"': "a 'b'_2", "a 'b'": "a 'b'"}
     """
-    names = list(dict.fromkeys(names))
-    safe = {name: _safe(name) for name in names}
-    used = {name for name in names if safe[name] == name}
-    for name in names:
-        if safe[name] != name:
-            stem, k = safe[name], 2
-            while safe[name] in used:
-                safe[name], k = f"{stem}~{k}", k + 1
-            used.add(safe[name])
-    return safe
 
+    def plain(name: str) -> str:
+        short = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]", "_", name).replace('"', "'")
+        return short.encode()[:_LONGEST].decode("utf-8", "ignore") or "_"
 
-def _safe(name: str) -> str:
-    short = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]", "_", name).replace('"', "'")
-    short = short.encode()[:_LONGEST].decode("utf-8", "ignore")
-    return short or "_"
+    return distinct_names(names, plain, _LONGEST)
 
 
 def physical_names(source: MshSource) -> list[tuple[int | None, int, str]]:
