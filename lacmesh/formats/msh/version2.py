@@ -18,7 +18,7 @@ from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.orders import file_order
 from lacmesh.indices import by_value, repeated
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints, Mesh, Tag, concatenated
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated, positions
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
@@ -62,11 +62,9 @@ class Reader2(MshReader):
         n_merged = self.repeats.shape[1]
         if not n_merged:
             return
-        places = concatenated(e.at for e in self.elements if e.at is not None)
-        rank = np.empty(int(places.max()) + 1, np.int64)
-        rank[np.sort(places)] = np.arange(len(places))
+        places = np.sort(concatenated(e.at for e in self.elements if e.at is not None))
         for e in self.elements:
-            e.at = rank[e.at]
+            e.at = positions(places, e.at) if e.at is not None else None
         self.out.warnings.append(
             f"{n_merged} elements repeat another one for a further physical group, as gmsh writes overlapping "
             "groups in msh 2.2: each is one cell with its group"
@@ -92,14 +90,10 @@ class Reader2(MshReader):
         """Raise the ReadError for what stands where an element should."""
         source = self.source
         source.take("int", len(head))
-        if source.binary and source.data[source.position - 12 : source.position - 4].lstrip().startswith(b"$End"):
-            raise source.here(f"$Elements ends too early: {left} more elements were announced")
-        kind, follow, n_tags = (head if source.binary else [head[1], 1, head[2]]) if len(head) == 3 else (-1, 0, 0)
-        if len(head) == 3 and kind not in TYPE_NAMES:
+        early = source.binary and source.data[source.position - 12 : source.position - 4].lstrip().startswith(b"$End")
+        if len(head) == 3 and not early and (kind := head[0 if source.binary else 1]) not in TYPE_NAMES:
             raise source.here(UNKNOWN_TYPE.format(kind))
-        if len(head) == 3 and not (1 <= follow <= left and n_tags >= 0):
-            raise source.here(f"no element has {n_tags} tags, or {follow} of them do not follow")
-        raise source.here(f"the elements end too early: {left} more were announced")
+        raise source.here(f"the elements end too early, or no element stands here: {left} more were announced")
 
     def _elements(self, name: str, at: Ints, table: Ints, start: Ints, n_tags: Ints) -> Elements:
         """The elements of one type, whose numbers are at `start`, their tags behind these. Raises ReadError."""
