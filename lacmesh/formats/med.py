@@ -27,7 +27,7 @@ from lacmesh.formats import hdf5
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.notes import dump
-from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell, blocks_in_order, check_types, is_plane
+from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, FormatCell, blocks_in_order, check_types, is_plane
 from lacmesh.indices import by_value, divided, repeated
 from lacmesh.mesh import Ints, Mesh, concatenated
 
@@ -51,7 +51,7 @@ _Families = dict[int, list[str]]
 class _Part(NamedTuple):
     """Cells of one type in a file: nodes (k, n) counted from 1, numbers or None, families (k,)."""
 
-    kind: MedCell
+    kind: FormatCell
     support: str
     place: str
     nodes: Ints
@@ -308,12 +308,12 @@ def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
     hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
 
 
-def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here: Ints, family: Ints) -> None:
+def _write_cells(home: h5py.Group, mesh: Mesh, kind: FormatCell, nodes: Ints, here: Ints, family: Ints) -> None:
     n = len(nodes)
     listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
     for row, place in zip(listed, kind.nodes, strict=True):
         np.add(nodes[:, place], 1, out=row, casting="unsafe")
-    part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
+    part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.number, PFL=fields.NO_PROFILE)
     hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
     hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)
     hdf5.add_array(part, "NUM", hdf5.compact(mesh.cell_number[here]), CGT=1, NBR=n)

@@ -22,31 +22,14 @@ from lacmesh.mesh import Block, Ints, Mesh
 Places = tuple[int, ...]
 
 
-class MedCell(NamedTuple):
-    """MED's `name` of our `type`, its number `geo`, its `bit` in the masks of fields, its order of `nodes`."""
-
-    name: str
-    type: str
-    geo: int
-    bit: int
-    nodes: Places
-
-
-class VtkCell(NamedTuple):
-    """VTK's `number` of our `type`, its order of `nodes`."""
-
-    number: int
-    type: str
-    nodes: Places
-
-
-class XdmfCell(NamedTuple):
-    """XDMF's `name` and `number` of our `type`; `counted`: in a mixture, the number of nodes follows the number."""
+class FormatCell(NamedTuple):
+    """A cell of a format: its `name` and `number` there, our `type`, its order of `nodes`; MED's `bit` in masks."""
 
     name: str
     number: int
     type: str
-    counted: bool
+    nodes: Places
+    bit: int = 0
 
 
 #: type: MED's name, VTK's number, XDMF's name and number, each None where the format has no such cell
@@ -143,12 +126,12 @@ def _places(kind: str, of_format: dict[str, Places]) -> Places:
 
 #: our type: the cell of MED, of VTK, of XDMF; those of MED stand in libmed's order
 _GEO = {kind: 100 * cell.dim + cell.n_nodes if cell.dim else 1 for kind, cell in ALL_CELLS.items()}
-_MED = {med: MedCell(med, kind, _GEO[kind], _OF_LIBMED.split().index(med), _places(kind, _MED_NODES))
+_MED = {med: FormatCell(med, _GEO[kind], kind, _places(kind, _MED_NODES), _OF_LIBMED.split().index(med))
         for kind, (med, _, _, _) in _LISTED.items() if med}  # fmt: skip
 MED_CELLS = {_MED[name].type: _MED[name] for name in _OF_LIBMED.split() if name in _MED}
-VTK_CELLS = {kind: VtkCell(number, kind, _places(kind, _VTK_NODES))
+VTK_CELLS = {kind: FormatCell("", number, kind, _places(kind, _VTK_NODES))
              for kind, (_, number, _, _) in _LISTED.items() if number}  # fmt: skip
-XDMF_CELLS = {kind: XdmfCell(name, number, kind, number < 3)
+XDMF_CELLS = {kind: FormatCell(name, number, kind, _places(kind, _VTK_NODES))
               for kind, (_, _, name, number) in _LISTED.items() if name and number}  # fmt: skip
 
 #: other cells of VTK that are read: Lagrange cells of order 1 and 2, polygons that are triangles, voxels ...
@@ -157,7 +140,8 @@ _READ_TOO = {
     69: ("TRIA3", "TRIA6"), 70: ("QUAD4", "QUAD9"), 71: ("TETRA4", "TETRA10"), 72: ("HEXA8", "HEXA27"),
     73: ("PENTA6", "PENTA18"),
 }  # fmt: skip
-_PIXEL, _VOXEL = VtkCell(8, "QUAD4", (0, 1, 3, 2)), VtkCell(11, "HEXA8", (0, 1, 3, 2, 4, 5, 7, 6))
+_PIXEL = FormatCell("", 8, "QUAD4", (0, 1, 3, 2))
+_VOXEL = FormatCell("", 11, "HEXA8", (0, 1, 3, 2, 4, 5, 7, 6))
 #: VTK's Lagrange hexahedra, whose order of nodes VTK 9 changed
 LAGRANGE_HEXAHEDRON = 72
 #: (VTK's number, nodes): the cell
@@ -165,7 +149,7 @@ VTK_BY_NUMBER = {
     (cell.number, len(cell.nodes)): cell
     for cell in (
         *VTK_CELLS.values(),
-        *(VtkCell(n, kind, _places(kind, _VTK_NODES)) for n, kinds in _READ_TOO.items() for kind in kinds),
+        *(FormatCell("", n, kind, _places(kind, _VTK_NODES)) for n, kinds in _READ_TOO.items() for kind in kinds),
         *(_PIXEL, _VOXEL),
     )
 }
@@ -178,6 +162,8 @@ VTK_NOT_READ = {
     **dict.fromkeys(range(68, 75), "Lagrange cells"), **dict.fromkeys(range(75, 82), "Bezier cells"),
 }  # fmt: skip
 MED_NOT_READ = {"POG": "polygons", "PO2": "quadratic polygons", "POE": "polyhedra", "O12": "hexagonal prisms (OCTA12)"}
+#: XDMF's vertices and lines: in a mixture, the number of their nodes follows that of the type
+XDMF_COUNTED = (1, 2)
 #: other names of XDMF's cells, in lower case
 XDMF_ALIASES = {
     "line": "polyline", "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "pyra": "pyramid",

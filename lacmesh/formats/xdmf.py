@@ -34,7 +34,7 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.arrays import GROUP, NOTE, VtkCells, to_arrays, vtk_cells
 from lacmesh.formats.hdf5 import image, set_attributes
 from lacmesh.formats.med import families_of
-from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS, check_types, file_order, is_plane
+from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS, XDMF_COUNTED, check_types, file_order, is_plane
 from lacmesh.formats.output import readable
 from lacmesh.formats.text import in_lines
 from lacmesh.formats.vtu import legal
@@ -182,7 +182,7 @@ def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', nodes.reshape(-1, n))}</Topology>\n"
     table = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
     for (number, _), kind in kinds.items():
-        table[number] = kind.number, kind.counted
+        table[number] = kind.number, kind.number in XDMF_COUNTED
     of_cell, first = table[cells.types], cells.ends - width
     counted = np.flatnonzero(of_cell[:, 1])
     at = np.concatenate([first, first[counted]])

@@ -34,7 +34,7 @@ from lacmesh.formats.arrays import (
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
-from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS
+from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS, XDMF_COUNTED
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
 from lacmesh.mesh import Floats, Ints, Mesh, Step, mask_of
 from lacmesh.topology.skin import label_rows
@@ -338,8 +338,8 @@ def _uniform(source: _Source, topology: Element, name: str, values: Ints) -> Vtk
     if stem == "polygon":
         stem = {"3": "triangle", "4": "quadrilateral"}.get(topology.get("NodesPerElement", ""), stem)
     cell = _OF_NAME.get("_".join([XDMF_ALIASES.get(stem, stem), *([number] if number else [])]))
-    width = len(VTK_CELLS[cell.type].nodes) if cell else 0
-    if cell is None or (cell.counted and topology.get("NodesPerElement", str(width)) != str(width)):
+    width = len(cell.nodes) if cell else 0
+    if cell is None or (cell.number in XDMF_COUNTED and topology.get("NodesPerElement", str(width)) != str(width)):
         raise source.error(f"cells of type {name} are not read", "<Topology>")
     n = len(values) // width
     if len(values) % width:
@@ -351,7 +351,7 @@ def _mixed(source: _Source, values: Ints) -> VtkCells:
     """Cells of a mixture: each is its number, for lines and vertices how many nodes follow, and its nodes."""
     table = np.zeros((max(_OF_NUMBER) + 1, 3), np.int64)  # by XDMF's number: nodes, 1 if their count follows, VTK's
     for number, cell in _OF_NUMBER.items():
-        table[number] = len(VTK_CELLS[cell.type].nodes), cell.counted, VTK_CELLS[cell.type].number
+        table[number] = len(cell.nodes), number in XDMF_COUNTED, VTK_CELLS[cell.type].number
     first, at, listed, lengths = list[int](), 0, values.tolist(), (1 + table[:, 0] + table[:, 1]).tolist()
     while at < len(listed):
         first.append(at)
