@@ -70,7 +70,12 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     """
     out = MeshBuilder(path, rows_from=1)
     with hdf5.opened(path) as root:
-        _check_version(path, root)
+        if "INFOS_GENERALES" not in root:
+            raise ReadError(path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
+        about = hdf5.member(root, "INFOS_GENERALES")
+        version = hdf5.attribute(about, "MAJ", int), hdf5.attribute(about, "MIN", int, 0)
+        if not (2, 2) <= version < (5, 0):
+            raise hdf5.error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
         link = _chosen(path, root, mesh)
         name, home = hdf5.text(link), root["ENS_MAA"][link]
         if hdf5.attribute(home, "TYP", int, 0) != 0:
@@ -95,15 +100,6 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
             if any(place in group and len(group[place]) for group in (root, home, step)):
                 out.warnings.append(f"{what} are left out")
         return out.mesh(name=name, space_dim=max(dim, 2), steps=steps)
-
-
-def _check_version(path: Path, root: h5py.File) -> None:
-    if "INFOS_GENERALES" not in root:
-        raise ReadError(path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
-    about = hdf5.member(root, "INFOS_GENERALES")
-    version = hdf5.attribute(about, "MAJ", int), hdf5.attribute(about, "MIN", int, 0)
-    if not (2, 2) <= version < (5, 0):
-        raise hdf5.error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
 
 
 def _chosen(path: Path, root: h5py.File, wanted: str | None) -> str | bytes:
@@ -300,23 +296,20 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
 
 
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
-    n = mesh.n_nodes
     nodes = hdf5.add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
     points = np.ascontiguousarray(mesh.points[:, : 2 if is_plane(mesh) else 3].T, float)
-    hdf5.add_array(nodes, "COO", points.reshape(-1), CGT=1, NBR=n)
-    hdf5.add_array(nodes, "FAM", family, CGT=1, NBR=n)
-    hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
+    for name, values in (("COO", points.reshape(-1)), ("FAM", family), ("NUM", hdf5.compact(mesh.node_number))):
+        hdf5.add_array(nodes, name, values, CGT=1, NBR=mesh.n_nodes)
 
 
 def _write_cells(home: h5py.Group, mesh: Mesh, kind: FormatCell, nodes: Ints, here: Ints, family: Ints) -> None:
-    n = len(nodes)
-    listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
+    listed = np.empty((len(kind.nodes), len(nodes)), np.int32 if mesh.n_nodes < 2**31 else np.int64)
     for row, place in zip(listed, kind.nodes, strict=True):
         np.add(nodes[:, place], 1, out=row, casting="unsafe")
     part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.number, PFL=fields.NO_PROFILE)
-    hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
-    hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)
-    hdf5.add_array(part, "NUM", hdf5.compact(mesh.cell_number[here]), CGT=1, NBR=n)
+    number = hdf5.compact(mesh.cell_number[here])
+    for name, values in (("NOD", listed.reshape(-1)), ("FAM", family), ("NUM", number)):
+        hdf5.add_array(part, name, values, CGT=1, NBR=len(nodes))
 
 
 def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str, ...]]]:

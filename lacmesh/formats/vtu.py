@@ -22,6 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,10 +55,6 @@ _KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "St
 _BLOCK = 2**15
 #: what decoding may raise on damaged bytes
 DAMAGE = (ValueError, IndexError, OverflowError, MemoryError, zlib.error, lzma.LZMAError, EOFError)
-#: what an attribute of XML may not hold as it is
-_ESCAPED = str.maketrans(
-    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
-)
 
 
 # ---- reading
@@ -326,11 +323,6 @@ def legal(name: str) -> str:
     return "".join(c if (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "￾￿") else "_" for c in name)
 
 
-def quoted(text: str) -> str:
-    """A text as an attribute of XML, in quotes. (`xml.sax.saxutils` has it too, and brings all of urllib.)"""
-    return f'"{text.translate(_ESCAPED)}"'
-
-
 def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArray]], binary: bool, pack: bool) -> None:
     """Write the XML, and the arrays in it as text, or behind it as bytes."""
     numbers = {VTK_CELLS[kind].number for kind in mesh.cells_by_type}
@@ -348,7 +340,7 @@ def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArr
         put(f"<{section}>\n")
         for name, values in arrays.items():
             width = values.shape[1] if values.ndim == 2 else 1
-            head = f'type="{_NAMES[values.dtype.kind]}{8 * values.dtype.itemsize}" Name={quoted(name)}'
+            head = f'type="{_NAMES[values.dtype.kind]}{8 * values.dtype.itemsize}" Name={quoteattr(name)}'
             head += f' NumberOfComponents="{width}"' if width > 1 else ""
             head += f' NumberOfTuples="{len(values)}"' if section == "FieldData" else ""
             if binary:
@@ -401,6 +393,6 @@ def read_pvd(path: Path) -> dict[float, str]:
 
 def write_pvd(path: Path, files: Mapping[float, str]) -> None:
     """Write a PVD that names the file of each time. Raises WriteError."""
-    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoted(file)}/>\n' for t, file in files.items()]
+    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoteattr(file)}/>\n' for t, file in files.items()]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -160,7 +160,11 @@ class _Source(NamedTuple):
         shape = None if dimensions is None else tuple(map(int, dimensions.split()))
         try:
             if form == "HDF":
-                values = self._from_hdf5(text)
+                name, _, inside = text.rpartition(":")
+                if not name or not inside.strip("/"):
+                    raise ValueError(f"{text[:60]!r} does not name an array as file:/place")
+                *groups, last = inside.strip("/").split("/")
+                values = dataset(reduce(member, groups, self.hdf5(name)), last)
             elif form == "XML":
                 values = from_text(text, _kind(item))
             elif form == "Binary" and shape is not None:
@@ -172,16 +176,6 @@ class _Source(NamedTuple):
             return values if shape is None else values.reshape(shape)
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", parent) from None
-
-    def _from_hdf5(self, text: str) -> NDArray:
-        name, separator, inside = text.rpartition(":")
-        if not separator or not inside.strip("/"):
-            raise ValueError(f"{text[:60]!r} does not name an array as file:/place")
-        group = self.hdf5(name)
-        *groups, last = inside.strip("/").split("/")
-        for link in groups:
-            group = member(group, link)
-        return dataset(group, last)
 
     def _from_bytes(self, item: Element, name: str, count: int) -> NDArray:
         order = {"Native": "=", "Little": "<", "Big": ">"}.get(item.get("Endian", "Native").removesuffix("Endian"))
