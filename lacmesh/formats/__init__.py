@@ -110,16 +110,13 @@ def write(
             raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
         import_module("lacmesh.formats.by_meshio").needed()
-    finite = np.isfinite(mesh.points).all(axis=1)
-    if not finite.all():
-        nodes = some(mesh.node_number[~finite])
-        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
+    if len(bad := mesh.node_number[~np.isfinite(mesh.points).all(axis=1)]):
+        raise WriteError(path, f"the coordinates of nodes {some(bad)} are not finite numbers")
     places = [path, *([path.with_suffix(form.beside)] if form.beside and binary is not False else [])]
-    for second in places[1:]:
-        if second.is_file() and not import_module(form.module).is_ours(second):
-            message = f"{second.name} is there and lacmesh did not write it; move it, or choose another name"
-            raise WriteError(second, message)
     for place in places:
+        if place != path and place.is_file() and not import_module(form.module).is_ours(place):
+            message = f"{place.name} is there and lacmesh did not write it; move it, or choose another name"
+            raise WriteError(place, message)
         check_place(place, force=force)
     if mesh.deck is not None and form.name != "inp":
         if lost := import_module("lacmesh.formats.inp").losses(mesh.deck):

@@ -152,7 +152,12 @@ class _Reader:
             if first == b"FINSF":
                 at = begin
                 continue
-            keyword = self._keyword(first, at)
+            keyword, known = decoded(first), [*NODES, *_COORDINATES, *_GROUPS, "TITRE"]
+            if _NOT_READ.fullmatch(keyword):
+                raise self.source.error(f"cells of type {keyword} are not read; take them out of the mesh", at)
+            if keyword not in known and keyword not in _LEFT_OUT:
+                near = did_you_mean(keyword[:40], known)
+                raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
             header = dict(pairwise([*words, b""]))
             lines = header.get(b"NBLIGE", b"1")
             if not re.fullmatch(rb"[0-9]{1,6}", lines):
@@ -167,16 +172,6 @@ class _Reader:
             if end[1] is None:
                 return
             at = end.end()
-
-    def _keyword(self, word: bytes, at: int) -> str:
-        """Return a keyword. Raises ReadError for an unknown one, or that of cells which are not read."""
-        keyword, known = decoded(word), [*NODES, *_COORDINATES, *_GROUPS, "TITRE"]
-        if _NOT_READ.fullmatch(keyword):
-            raise self.source.error(f"cells of type {keyword} are not read; take them out of the mesh", at)
-        if keyword not in known and keyword not in _LEFT_OUT:
-            near = did_you_mean(keyword[:40], known)
-            raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
-        return keyword
 
     def _body(self, part: SubFile) -> bytes:
         """Text of a sub-file, blanks in place of comments and other separators."""

@@ -103,7 +103,10 @@ class _Reader:
             elif self.instances and card.key in ("NSET", "ELSET", "SURFACE"):
                 late.append(k)
             else:
-                self._read(k, self._of_assembly(card))
+                if self.instances and self.assembly is _PLAIN and card.key in ("NODE", "ELEMENT"):
+                    self.assembly = DeckInstance("", "", "", *self._largest())  # numbers past those of the instances
+                    self.numbers_differ = "the assembly has nodes or elements of its own, whose numbers are raised"
+                self._read(k, self.assembly)
         if instance is not None:
             raise instance.error("this *INSTANCE has no *END INSTANCE")
         if parts and not self.instances:
@@ -125,13 +128,6 @@ class _Reader:
             options = ((_NAMES.get(card.key, ""), card.options) for card in cards)
             names.append({(option, key_of(given[option])) for option, given in options if given.get(option)})
         return len(ends) > 1 or bool(names[0] & names[1])
-
-    def _of_assembly(self, card: DeckCard) -> DeckInstance:
-        """By how much numbers of nodes and elements outside parts are raised: past those of the instances."""
-        if self.instances and self.assembly is _PLAIN and card.key in ("NODE", "ELEMENT"):
-            self.assembly = DeckInstance("", "", "", *self._largest())
-            self.numbers_differ = "the assembly has nodes or elements of its own, whose numbers are raised"
-        return self.assembly
 
     def _largest(self) -> tuple[int, int]:
         """The largest number of a node, and of an element; 0 where there is none."""
@@ -285,7 +281,13 @@ class _Reader:
             plane=planes.pop() if len(planes) == 1 else "",
             space_dim=3 if solid else 2,
         )
-        mesh = self._with_note(self._with_surfaces(self._with_middle_second(mesh), resolver))
+        mesh = self._with_surfaces(self._with_middle_second(mesh), resolver)
+        parts = [*self.start, *(part for card in self.cards for part in card.body)]
+        text = "".join(line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text))
+        try:
+            mesh = notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
+        except ValueError:
+            self.warnings.append("lacmesh's own note is damaged and left out")
         return replace(mesh, deck=self._deck(mesh))
 
     def _with_surfaces(self, mesh: Mesh, resolver: Resolver) -> Mesh:
@@ -333,16 +335,6 @@ class _Reader:
                 self.warnings.append(f"{len(twice)} elements {block.type} have a node twice, kept so: {shown}")
             blocks.append(block._replace(nodes=nodes))
         return replace(mesh, blocks=tuple(blocks))
-
-    def _with_note(self, mesh: Mesh) -> Mesh:
-        """The mesh with the note of lacmesh in the comments of its files, if there is one."""
-        parts = [*self.start, *(part for card in self.cards for part in card.body)]
-        text = "".join(line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text))
-        try:
-            return notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
-        except ValueError:
-            self.warnings.append("lacmesh's own note is damaged and left out")
-            return mesh
 
     def _deck(self, mesh: Mesh) -> Deck:
         """The record of the deck that was read as `mesh`."""

@@ -89,7 +89,10 @@ class Resolver:
         parts: list[Ints] = [np.empty(0, np.int64)]
         for members in one.members:
             listed = self.members(members, one.card)
-            parts.append(self._nodes_of(listed) if OF_KIND[kind] == "node" and members.of == "element" else listed)
+            if OF_KIND[kind] == "node" and members.of == "element":
+                parts += [e.nodes[positions(np.sort(listed), e.number) >= 0].ravel() for e in self.cells]
+            else:
+                parts.append(listed)
         self._open.pop()
         self._resolved[at] = _ordered(np.concatenate(parts))
         return self._resolved[at]
@@ -107,10 +110,6 @@ class Resolver:
         known = positions(present, listed) >= 0
         self.strays += int((~known).sum())
         return listed[known]
-
-    def _nodes_of(self, numbers: Ints) -> Ints:
-        """Sorted numbers of the nodes of the elements `numbers` (sorted)."""
-        return _ordered(concatenated(one.nodes[positions(numbers, one.number) >= 0].ravel() for one in self.cells))
 
 
 def _ordered(numbers: Ints) -> Ints:
