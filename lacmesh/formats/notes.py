@@ -57,12 +57,10 @@ def dump(
         "zones": mesh.zones,
         "group_tags": mesh.group_tags,
         "steps": {key: list(vars(step).values()) for key, step in mesh.steps.items()},
-        "model": {"boundary": [[*tag, bounds] for tag, bounds in boundary.items()], "periodic": links},
+        "model": {"boundary": [[*t, b] for t, b in boundary.items()], "periodic": links} if boundary or links else None,
         "records": _records(mesh, nodes, cells, faces) if "records" in names else None,
     }
     note = {key: note[key] for key in names} | more
-    if not boundary and not periodic:
-        note.pop("model", None)
     note = {
         key: value
         for key, value in note.items()
