@@ -6,15 +6,19 @@ elements are in the mesh alone: each cell has, in `cell_data["inp_card"]`, the i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+from lacmesh.errors import ReadError
 from lacmesh.mesh import Ints, Mesh
 
 #: data of cells: `DeckCard.index` of the card of each cell, -1 for a cell of no card; a cut hands it to the children
 INP_CARD = "inp_card"
+_COMMENT = re.compile(r"^[ \t]*\*\*[^\n]*\n", re.MULTILINE)
+_QUOTED = re.compile(r'\s*".*"\s*', re.DOTALL)
 
 
 class DataLine(NamedTuple):
@@ -93,8 +97,29 @@ class DeckCard:
     @property
     def comments(self) -> tuple[Lines, ...]:
         """The comments of the body."""
-        texts = ((line.text for line in part.each() if line.text.lstrip().startswith("**")) for part in self.body)
-        return tuple(part._replace(text="".join(text)) for part, text in zip(self.body, texts, strict=True))
+        found = (_COMMENT.findall(part.text) if "**" in part.text else () for part in self.body)
+        return tuple(part._replace(text="".join(lines)) for part, lines in zip(self.body, found, strict=True))
+
+    @property
+    def values(self) -> bytes:
+        """The lines of the body as one text; comments are blank lines."""
+        text = "".join(part.text for part in self.body)
+        return (_COMMENT.sub("\n", text) if "**" in text else text).encode(errors="surrogateescape")
+
+    @property
+    def rows(self) -> list[bytes]:
+        """The data lines as in `values`."""
+        return [row for row in self.values.splitlines() if row.strip()]
+
+    def error(self, message: str, at: int | None = None) -> ReadError:
+        """Make the error for a byte of `values`, or for the keyword line."""
+        if at is not None:
+            row = self.values.count(b"\n", 0, at)
+            for part in self.body:
+                if row < (n := part.text.count("\n")):
+                    return ReadError(part.file, message, f"line {part.line + row}")
+                row -= n
+        return ReadError(self.file, message, f"line {self.line}")
 
 
 class DeckInstance(NamedTuple):
@@ -116,9 +141,9 @@ class Deck:
     """All cards of a deck in order, *INCLUDE resolved, and the mesh as it was read.
 
     `start`: the lines before the first card. `mesh`: the mesh as read, which `Mesh.deck` of a later mesh still refers
-    to. `node_sets`, `element_sets`: name for comparison (`key_of`) -> name of the group of the mesh; `surfaces`: the
-    same for ("ELEMENT" or "NODE", name). A group of cells holds the cells of an element set and the skin cells of a
-    surface of the same name. `labels`: names of groups in the deck where they are not those of the mesh.
+    to. `groups`: kind of a set ("NSET", "ELSET") or surface ("ELEMENT", "NODE"), and its name for comparison (`key_of`)
+    -> name of the mesh's group. One of cells holds the cells of an element set and the skin cells of a surface of that
+    name. `labels`: names of groups in the deck where they are not those of the mesh.
     `numbers_differ`: why the numbers on cards are not those of the mesh (instances), else empty. Of a deck with
     `instances`, `instance_numbers`: place of a card of nodes or elements, their numbers in the mesh and the index of
     the card, once for each instance; `assembly_offset`: by how much the assembly's numbers are raised.
@@ -128,9 +153,7 @@ class Deck:
     cards: tuple[DeckCard, ...]
     mesh: Mesh
     start: tuple[Lines, ...] = ()
-    node_sets: Mapping[str, str] = field(default_factory=dict)
-    element_sets: Mapping[str, str] = field(default_factory=dict)
-    surfaces: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    groups: Mapping[tuple[str, str], str] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
     numbers_differ: str = ""
     instances: tuple[DeckInstance, ...] = ()
@@ -152,17 +175,21 @@ class Deck:
         """Iterate over the cards of some names (`DeckCard.key`), in order."""
         return (card for card in self.cards if card.key in keys)
 
+    def groups_of(self, *kinds: str) -> dict[str, str]:
+        """Return the groups of sets or surfaces of some kinds, by their names for comparison."""
+        return {key: group for (kind, key), group in self.groups.items() if kind in kinds}
+
     def node_group(self, name: str) -> str | None:
         """Name of the mesh's group of nodes that a card means by `name`; None if there is no such node set."""
-        return self.node_sets.get(key_of(name))
+        return self.groups.get(("NSET", key_of(name)))
 
     def element_group(self, name: str) -> str | None:
         """Name of the mesh's group of cells that a card means by `name`; None if there is no such element set."""
-        return self.element_sets.get(key_of(name))
+        return self.groups.get(("ELSET", key_of(name)))
 
     def surface_group(self, name: str) -> tuple[str, str] | None:
         """Type of the surface that a card means by `name`, and its group: ELEMENT, of cells; NODE, of nodes."""
-        groups = ((kind, self.surfaces.get((kind, key_of(name)))) for kind in ("ELEMENT", "NODE"))
+        groups = ((kind, self.groups.get((kind, key_of(name)))) for kind in ("ELEMENT", "NODE"))
         return next(((kind, group) for kind, group in groups if group is not None), None)
 
 
@@ -172,14 +199,9 @@ def key_of(name: str) -> str:
     >>> key_of(" Top face"), key_of('"Top face"')
     ('TOPFACE', '"Top face"')
     """
-    return name.strip() if _is_quoted(name) else shown_name(name).upper()
+    return name.strip() if _QUOTED.fullmatch(name) else shown_name(name).upper()
 
 
 def shown_name(name: str) -> str:
     """Name of a set or surface as a group has it: without quotes, or without blanks."""
-    return name.strip()[1:-1] if _is_quoted(name) else "".join(name.split())
-
-
-def _is_quoted(name: str) -> bool:
-    name = name.strip()
-    return len(name) > 1 and name[0] == name[-1] == '"'
+    return name.strip()[1:-1] if _QUOTED.fullmatch(name) else "".join(name.split())

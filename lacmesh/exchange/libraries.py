@@ -12,8 +12,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, ReadError, RequestError, check_installed
-from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, mesh_of_grid, to_arrays, vtk_cells
-from lacmesh.formats.by_meshio import from_meshio, to_meshio
+from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, from_meshio, mesh_of_grid, to_arrays, to_meshio, vtk_cells
 from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Ints, Mesh
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, listed, reading, some
 from lacmesh.formats.output import check_place, replacing
-from lacmesh.formats.registry import HEAD, OF_NAME, SUFFIXES, DetectedFormat, Format, format_of, sniff, takers
+from lacmesh.formats.registry import HEAD, OF_NAME, SUFFIXES, DetectedFormat, format_of, sniff, takers
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "DetectedFormat", "detect_format", "read", "title_of", "write"]
@@ -110,12 +110,13 @@ def write(
             raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
         import_module("lacmesh.formats.by_meshio").needed()
-    finite = np.isfinite(mesh.points).all(axis=1)
-    if not finite.all():
-        nodes = some(mesh.node_number[~finite])
-        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-    places = [path, *_second(path, form, binary)]
+    if len(bad := mesh.node_number[~np.isfinite(mesh.points).all(axis=1)]):
+        raise WriteError(path, f"the coordinates of nodes {some(bad)} are not finite numbers")
+    places = [path, *([path.with_suffix(form.beside)] if form.beside and binary is not False else [])]
     for place in places:
+        if place != path and place.is_file() and not import_module(form.module).is_ours(place):
+            message = f"{place.name} is there and lacmesh did not write it; move it, or choose another name"
+            raise WriteError(place, message)
         check_place(place, force=force)
     if mesh.deck is not None and form.name != "inp":
         if lost := import_module("lacmesh.formats.inp").losses(mesh.deck):
@@ -126,18 +127,3 @@ def write(
         if len(files) > 1:
             options["second"] = files[1], places[1].name
         form.write(files[0], mesh, **options)
-
-
-def _second(path: Path, form: Format, binary: bool | None) -> list[Path]:
-    """List with the path of the second file that has to be written; empty if there is none.
-
-    Raises WriteError if a file that lacmesh did not write stands there.
-    """
-    if not form.beside or binary is False:
-        return []
-    second = path.with_suffix(form.beside)
-    if second.is_file() and not import_module(form.module).is_ours(second):
-        raise WriteError(
-            second, f"{second.name} is there and lacmesh did not write it; move it, or choose another name"
-        )
-    return [second]

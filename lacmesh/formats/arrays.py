@@ -1,4 +1,4 @@
-"""A mesh as named arrays and as VTK's list of cells, for formats that know nothing else (VTU, XDMF, pyvista, meshio).
+"""A mesh as named arrays and VTK's list of cells, for what has nothing else: VTU, XDMF, objects of pyvista and meshio.
 
     group:NAME      0 or 1: membership of a group; groups may overlap, and ParaView can threshold them
     cell_number     the file's numbers of the cells;  node_number: of the nodes
@@ -13,24 +13,36 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain, count
+from itertools import chain, count, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
-from lacmesh.errors import LacmeshWarning, ReadError, listed
+from lacmesh.errors import DataError, LacmeshWarning, ReadError, check_installed, listed
 from lacmesh.facts import listed as first_of
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_BY_NUMBER, VTK_CELLS, VTK_NOT_READ, lagrange_8_to_9
-from lacmesh.mesh import Ints, Mesh, Tag
+from lacmesh.formats.orders import (
+    LAGRANGE_HEXAHEDRON,
+    MESHIO_NAMES,
+    VTK_BY_NUMBER,
+    VTK_CELLS,
+    VTK_NOT_READ,
+    lagrange_8_to_9,
+    meshio_nodes,
+)
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 
 #: name of the array of a file, or of pyvista's field data, that has the note
 NOTE = "lacmesh"
 GROUP = "group:"
+#: gmsh's physical groups in cell data of meshio
+_PHYSICAL = "gmsh:physical"
+_OF_MESHIO = {theirs: ours for ours, theirs in MESHIO_NAMES.items()}
 NUMBER = {"cell": "cell_number", "node": "node_number"}
 #: most tags that an array of integers may have to be tags, and arrays of integers that are no tags
 _MOST_TAGS = 1000
@@ -175,27 +187,21 @@ def with_tag_groups(mesh: Mesh, out: MeshBuilder, arrays: Container[str]) -> Mes
     """Return a mesh without groups with those of its tags, and a LacmeshWarning; lacmesh's own files have names."""
     if out.note or mesh.cell_groups or NUMBER["cell"] in arrays:
         return mesh
-    left_out: list[str] = []
-    groups, tags = groups_of_tags(mesh.cell_dim, mesh.cell_data, left_out)
-    for message in left_out:
+    groups, tags, message = groups_of_tags(mesh.cell_dim, mesh.cell_data)
+    if message:
         warnings.warn(LacmeshWarning(f"{out.path}: {message}"), stacklevel=4)
     return replace(mesh, cell_groups=groups, group_tags=tags)
 
 
-def groups_of_tags(
-    dims: Ints, data: Mapping[str, NDArray], left_out: list[str]
-) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
-    """Return groups of cells that have the same tag, an integer >= 0, and the dimension and tag of each group.
+def groups_of_tags(dims: Ints, data: Mapping[str, NDArray]) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]], str]:
+    """Return groups of cells of one tag, an integer >= 0, the dimension and tag of each, and a message on their names.
 
     `dims` (n,): dimensions of the cells; `data`: arrays on them, of which those of few integers are tags, if cells of
     some dimension differ. A group has its number as its name; `2:5`, its dimension and number, where others have that
     number too.
 
-    >>> left_out = []
-    >>> groups_of_tags(np.array([3, 3, 3, 3, 2, 2]), {"tags": np.array([1, 1, 4, 4, 7, 7])}, left_out)[1]
-    {'7': ((2, 7),), '1': ((3, 1),), '4': ((3, 4),)}
-    >>> left_out
-    ["no group has a name in this file: the tags 'tags' are groups, named by their numbers (7, 1, 4)"]
+    >>> groups_of_tags(np.array([3, 3, 3, 3, 2, 2]), {"tags": np.array([1, 1, 4, 4, 7, 7])})[1:]
+    ({'7': ((2, 7),), '1': ((3, 1),), '4': ((3, 4),)}, "no group has a name in this file: ... numbers (7, 1, 4)")
     """
     tagged: list[tuple[str, Tag, Ints]] = []
     for array, values in data.items():
@@ -215,11 +221,9 @@ def groups_of_tags(
         groups[name] = cells
         if of_tag[tag] == 1 and tag[1] > 0:
             group_tags[name] = (tag,)
-    if tagged:
-        arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in tagged)], "and")
-        message = f"no group has a name in this file: the tags {arrays} are groups, named by their numbers"
-        left_out.append(f"{message} ({first_of(groups, 10)})")
-    return groups, group_tags
+    arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in tagged)], "and")
+    message = f"no group has a name in this file: the tags {arrays} are groups, named by their numbers"
+    return groups, group_tags, f"{message} ({first_of(groups, 10)})" if tagged else ""
 
 
 # ---- cells as VTK lists them
@@ -324,3 +328,120 @@ def mesh_of_grid(path: Path, grid: Any) -> Mesh:
     for on in arrays:
         add_arrays(out, on, arrays[on])
     return with_tag_groups(out.mesh(), out, arrays["cell"])
+
+
+# ---- meshio's objects
+
+
+def needed() -> Any:
+    """Import the package meshio. Raises RequestError if it is missing."""
+    check_installed("meshio", "io")
+    import meshio
+
+    return meshio
+
+
+def to_meshio(mesh: Mesh) -> Any:
+    """The mesh as a `meshio.Mesh`: groups are `cell_sets` and `point_sets`, numbers and data are arrays.
+
+    `cell_data["cell_number"]`, `point_data["node_number"]` are the file's numbers. Raises RequestError where meshio is
+    missing. Data that are no numbers are left out.
+    """
+    meshio, arrays = needed(), to_arrays(mesh, [])
+    bounds = list(pairwise(mesh.offsets))
+    foreign = meshio.Mesh(
+        mesh.points.copy(),
+        [_block(meshio, b.type, b.nodes[:, meshio_nodes(b.type)]) for b in mesh.blocks],
+        point_data={name: v for name, v in arrays.node.items() if not name.startswith(GROUP)},
+        cell_data={n: [v[a:b] for a, b in bounds] for n, v in arrays.cell.items() if not n.startswith(GROUP)},
+        point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
+        cell_sets={n: [c[(c >= a) & (c < b)] - a for a, b in bounds] for n, c in mesh.cell_groups.items()},
+    )
+    order = None if mesh.file_order is None else mesh.file_order.tolist()
+    foreign.info = {NOTE: arrays.note(mesh, file_order=order)}
+    return foreign
+
+
+def _block(meshio: Any, kind: str, nodes: Ints) -> Any:
+    """A block of cells; meshio's own constructor does not know the dimension of wedge15, pyramid13 and others."""
+    block = meshio.CellBlock.__new__(meshio.CellBlock)
+    block.type, block.data, block.tags, block.dim = MESHIO_NAMES[kind], nodes, [], ALL_CELLS[kind].dim
+    return block
+
+
+def from_meshio(foreign: Any) -> Mesh:
+    """The mesh of a `meshio.Mesh`; sets are groups, and so are gmsh's physical groups where there are no sets.
+
+    Raises DataError for cells that lacmesh lacks (polygons, polyhedra) and for arrays that do not fit.
+
+    >>> from lacmesh import Mesh
+    >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> from_meshio(square.to_meshio()).cells_by_type
+    {'QUAD4': 1}
+    """
+    try:
+        return mesh_of_meshio(foreign, Path("meshio"))
+    except ReadError as error:
+        raise DataError(f"this meshio mesh cannot be used: {error.reason}") from error
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        raise DataError(f"this meshio mesh cannot be used: {error}") from error
+
+
+def mesh_of_meshio(foreign: Any, path: Path) -> Mesh:
+    """The mesh of a `meshio.Mesh`. Raises ReadError, DataError, and what numpy raises on arrays that do not fit."""
+    out = MeshBuilder(path, rows_from=0)
+    for block in foreign.cells:
+        if block.type not in _OF_MESHIO:
+            raise DataError(f"cells of meshio's type {block.type!r} are not read")
+    starts = np.cumsum([0, *(len(block.data) for block in foreign.cells)]).tolist()
+    # the note is in the info or, of a VTU file, in the field data
+    n, in_file = len(foreign.points), np.asarray(foreign.field_data.get(NOTE, ()))
+    info = foreign.info.get(NOTE) if isinstance(foreign.info, dict) else None
+    if text := in_file.tobytes() if info is None and in_file.dtype == np.uint8 else str(info or ""):
+        out.read_note(text)
+    order, rows = np.asarray(out.note.get("file_order", ())), np.arange(starts[-1])
+    rows = np.argsort(order) if np.array_equal(np.sort(order), rows) else rows  # places of the cells in the file
+    on_cells = {name: _native(np.concatenate([*map(np.asarray, parts)])) for name, parts in foreign.cell_data.items()}
+    on_nodes = {name: _native(np.asarray(values)) for name, values in foreign.point_data.items()}
+    out.nodes(numbers_in(on_nodes, "node", n, out), np.asarray(foreign.points, float))
+    number = numbers_in(on_cells, "cell", starts[-1], out)
+    for block, (first, last) in zip(foreign.cells, pairwise(starts), strict=True):
+        kind, listed = _OF_MESHIO[block.type], np.asarray(block.data)
+        nodes = np.empty(listed.shape, np.int64)
+        nodes[:, meshio_nodes(kind)] = listed
+        out.cells(kind, None if number is None else number[first:last], nodes, at=rows[first:last])
+    for name, parts in foreign.cell_sets.items():
+        if not name.startswith("gmsh:"):
+            out.group("cell", name, rows[concatenated(_members(m) + a for m, a in zip(parts, starts, strict=False))])
+    for name, nodes in foreign.point_sets.items():
+        out.group("node", name, _members(nodes))
+    tags: dict[str, tuple[Tag, ...]] = {}
+    if _PHYSICAL in on_cells and all(name.startswith("gmsh:") for name in foreign.cell_sets):
+        tags = _physical_groups(foreign, on_cells.pop(_PHYSICAL), rows, out)
+    add_arrays(out, "cell", on_cells, rows)
+    add_arrays(out, "node", on_nodes)
+    return with_tag_groups(out.mesh(group_tags=tags), out, on_cells)
+
+
+def _native(values: NDArray) -> NDArray:
+    """An array in native byte order, flat if its width is 1."""
+    flat = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    return flat.astype(flat.dtype.newbyteorder("="), copy=False) if flat.dtype.kind in "iuf" else flat
+
+
+def _physical_groups(foreign: Any, physical: NDArray, rows: Ints, out: MeshBuilder) -> dict[str, tuple[Tag, ...]]:
+    """Add gmsh's physical groups, a tag for each cell; return the tags of each group."""
+    sizes = [len(block.data) for block in foreign.cells]
+    dims = np.repeat([ALL_CELLS[_OF_MESHIO[block.type]].dim for block in foreign.cells], sizes)
+    names = {(int(dim), int(tag)): name for name, (tag, dim) in foreign.field_data.items()}
+    tags: dict[str, tuple[Tag, ...]] = {}
+    for dim, tag in np.unique(np.stack([dims, physical.astype(np.int64)], axis=1), axis=0).tolist():
+        if tag > 0:
+            name = names.get((dim, tag), f"{dim}:{tag}")
+            out.group("cell", name, rows[(dims == dim) & (physical == tag)])
+            tags[name] = (*tags.get(name, ()), (dim, tag))
+    return tags
+
+
+def _members(members: Any) -> Ints:
+    return np.asarray([] if members is None else members, np.int64)

@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.facts import listed
 from lacmesh.formats import notes
-from lacmesh.formats.ids import Index, repeated
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated
+from lacmesh.indices import Index, repeated
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 
-#: makes the error of a message and a row of a run
-ErrorAt = Callable[[str, int], ReadError]
+#: makes the error of a message about a run
+ErrorAt = Callable[[str], ReadError]
 
 
 @dataclass
@@ -53,16 +52,16 @@ class _Run:
 class _Listed:
     """Nodes or cells of a file in runs; groups and data by number: members (k,), pairs of numbers and values.
 
-    `place` (n,): positions in the file, `number` (n,), and `index`, from a number or a row, once all are there.
+    Once all are there: `place` (n,), positions in the file, `number` (n,), and `index`, from a number or a row.
     """
 
     word: str
     runs: list[_Run] = field(default_factory=list)
-    groups: dict[str, list[tuple[Ints, ErrorAt | None]]] = field(default_factory=dict)
+    groups: dict[str, list[Ints]] = field(default_factory=dict)
     data: dict[str, list[tuple[Ints | None, Any]]] = field(default_factory=dict)
-    place: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    number: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    index: Index = field(default_factory=lambda: Index(np.empty(0, np.int64)))
+    place: Ints = field(init=False)
+    number: Ints = field(init=False)
+    index: Index = field(init=False)
 
     @property
     def size(self) -> int:
@@ -70,12 +69,8 @@ class _Listed:
 
     def order(self) -> None:
         """Sort the runs by type, in the order of the types' first rows in the file, and find all places."""
-        n = self.size
-        free = np.ones(n, bool)
-        for run in self.runs:
-            if run.at is not None:
-                free[run.at] = False
-        rest, first = np.flatnonzero(free), dict[str, int]()
+        n, first = self.size, dict[str, int]()
+        rest = np.flatnonzero(~mask_of(n, *(run.at for run in self.runs if run.at is not None)))
         for run in self.runs:
             if run.at is None:
                 run.at, rest = rest[: len(run.rows)], rest[len(run.rows) :]
@@ -88,36 +83,26 @@ class _Listed:
 
     def error(self, index: int, message: str) -> ReadError:
         """Return the error about the node or cell of an index."""
-        run = next(run for run in self.runs if run.first <= index < run.span.stop)
-        return run.error(message, index - run.first)
+        return next(run for run in self.runs if run.first <= index < run.span.stop).error(message)
 
 
 class MeshBuilder:
     """Nodes, cells, groups and values of a file, which `mesh` makes a mesh.
 
     `rows_from`: None in a format where nodes of cells, members and values are given by number; 0 or 1 where they are
-    given by row, counted from there, in the order of adding. `cell`: the format's word for a cell. `name_of`: makes the
-    name of a number, for a format that has names in place of numbers. `warnings`: clauses of one warning. `note`: what
-    the format has no place for (`notes.parse`), applied by `mesh`.
+    given by row, counted from there, in the order of adding. `cell`: the format's word for a cell. `warnings`: clauses
+    of one warning. `note`: what the format has no place for (`notes.parse`), applied by `mesh`.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        rows_from: int | None = None,
-        cell: str = "cell",
-        name_of: Callable[[int], str] | None = None,
-    ) -> None:
+    def __init__(self, path: Path, *, rows_from: int | None = None, cell: str = "cell") -> None:
         self.path, self.warnings, self.note = path, list[str](), dict[str, Any]()
-        self._rows_from, self._name_of = rows_from, name_of
-        self._lost = 0
+        self._rows_from, self._lost = rows_from, 0
         self._listed = {"node": _Listed("node"), "cell": _Listed(cell)}
 
     def nodes(self, number: Ints | None, points: Floats, *, error: ErrorAt | None = None, **data: Any) -> None:
         """Add nodes: numbers (k,) or None, points (k, 1 to 3), and data of each, (k, ...).
 
-        `error` makes the error of a message and a row of these; by default it names the file alone.
+        `error` makes the error of a message about these; by default it names the file alone.
         """
         self._add("node", _Run("", number, points, error or self._error, (), data))
 
@@ -140,14 +125,14 @@ class MeshBuilder:
         if len(nodes):
             self._add("cell", _Run(kind, number, nodes, error or self._error, tuple(groups), data, at))
 
-    def group(self, on: str, name: str, members: Ints | None = None, *, error: ErrorAt | None = None) -> None:
+    def group(self, on: str, name: str, members: Ints | None = None) -> None:
         """Add members (k,) to a group of "node"s or "cell"s; a group without members is there, and empty.
 
-        A member that the file does not have is left out with a warning, or raises the `error`, if one is given.
+        A member that the file does not have is left out with a warning.
         """
         parts = self._listed[on].groups.setdefault(name, [])
         if members is not None:
-            parts.append((np.asarray(members), error))
+            parts.append(np.asarray(members))
 
     def values(self, on: str, name: str, number: Ints | None, values: NDArray) -> None:
         """Add values (k, ...) of "node"s or "cell"s, by number (k,), or, with None, of all in the order of adding.
@@ -178,25 +163,16 @@ class MeshBuilder:
         for part in (nodes, cells):
             part.order()
             self._number(part)
-        values: dict[str, Any] = {
-            "node_number": nodes.number,
-            "cell_number": cells.number,
-            "file_order": None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place),
-        }
         points, blocks = self._points(nodes), list(self._blocks(nodes.index, cells))
         for on, part in self._listed.items():
-            values |= {f"{on}_groups": self._groups(part), f"{on}_data": self._data(on, part)}
+            rest |= {f"{on}_groups": self._groups(part), f"{on}_data": self._data(on, part)}
         if self._lost:
-            self.warnings.append(
-                f"{self._lost} values or members belong to nodes or cells that the file does not hold: left out"
-            )
-        mesh = Mesh.create(points, blocks, **values | rest)
-        known = {*mesh.cell_data, *mesh.node_data}
-        mesh = replace(
-            mesh,
-            group_tags={name: tags for name, tags in mesh.group_tags.items() if name in mesh.cell_groups},
-            steps={key: step for key, step in mesh.steps.items() if key in known},
-        )
+            text = "values or members belong to nodes or cells that the file does not hold: left out"
+            self.warnings.append(f"{self._lost} {text}")
+        for key, known in (("group_tags", rest["cell_groups"]), ("steps", rest["cell_data"] | rest["node_data"])):
+            rest[key] = {name: value for name, value in rest.get(key, {}).items() if name in known}
+        order = None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place)
+        mesh = Mesh.create(points, blocks, node_number=nodes.number, cell_number=cells.number, file_order=order, **rest)
         mesh = notes.load(mesh, self.note, self.warnings)
         if is_cut(mesh) and not mesh.zones:
             mesh = replace(mesh, zones=notes.zone_names(mesh.cell_data, mesh.cell_groups))
@@ -212,14 +188,8 @@ class MeshBuilder:
         for name in run.data:
             self._listed[on].data.setdefault(name, [])
 
-    def _error(self, message: str, row: int) -> ReadError:
+    def _error(self, message: str) -> ReadError:
         return ReadError(self.path, message)
-
-    def _name(self, number: int) -> str:
-        return f"number {number}" if self._name_of is None else f"name {self._name_of(number)}"
-
-    def _shown(self, numbers: Ints) -> str:
-        return some(numbers) if self._name_of is None else listed(map(self._name_of, numbers.tolist()))
 
     def _number(self, listed: _Listed) -> None:
         """Choose the numbers, and the index of a number (or a row). Raises ReadError for one twice, or below 1."""
@@ -239,7 +209,7 @@ class MeshBuilder:
             raise listed.error(int(listed.number.argmin()), message)
         if twice is not None:
             last = int(np.flatnonzero(listed.number == twice)[-1])
-            raise listed.error(last, f"two {listed.word}s have the {self._name(twice)}")
+            raise listed.error(last, f"two {listed.word}s have the number {twice}")
         listed.index = Index(listed.number)
 
     def _points(self, nodes: _Listed) -> Floats:
@@ -248,7 +218,7 @@ class MeshBuilder:
             points[run.span, : run.rows.shape[1]] = run.rows
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(bad):
-            message = f"the coordinates of nodes {self._shown(nodes.number[bad])} are not finite numbers"
+            message = f"the coordinates of nodes {some(nodes.number[bad])} are not finite numbers"
             raise nodes.error(int(bad[0]), message)
         return points
 
@@ -263,9 +233,9 @@ class MeshBuilder:
                 bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
                 if bad is not None:
                     row = run.rows[bad]
-                    lost = self._shown(row[nodes.places(self._by_number(row)) < 0])
-                    cell = self._shown(cells.number[run.first + bad : run.first + bad + 1])
-                    raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes", bad)
+                    lost = some(row[nodes.places(self._by_number(row)) < 0])
+                    cell = some(cells.number[run.first + bad : run.first + bad + 1])
+                    raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes")
             yield kind, block
 
     def _by_number(self, members: Ints) -> Ints:
@@ -273,19 +243,12 @@ class MeshBuilder:
         return members + 1 if self._rows_from == 0 else members
 
     def _groups(self, listed: _Listed) -> dict[str, Ints]:
-        """Return the members of each group, and count those that are left out. Raises ReadError."""
+        """Return the members of each group, and count those that are left out."""
         groups = dict[str, list[Ints]]()
         for name, parts in listed.groups.items():
-            groups[name] = []
-            for members, error in parts:
-                places = listed.index.places(self._by_number(members))
-                here = places >= 0
-                if error is not None and not here.all():
-                    strays = self._shown(members[~here][:5])
-                    message = f"the group {name!r} has members that are not among the {listed.word}s: {strays}"
-                    raise error(message, int(here.argmin()))
-                self._lost += int((~here).sum())
-                groups[name].append(places[here])
+            places = [listed.index.places(self._by_number(members)) for members in parts]
+            groups[name] = [found[found >= 0] for found in places]
+            self._lost += sum(map(len, places)) - sum(map(len, groups[name]))
         for run in listed.runs:
             for name in run.groups:
                 groups[name].append(np.arange(run.span.start, run.span.stop))

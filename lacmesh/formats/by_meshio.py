@@ -1,10 +1,14 @@
-"""Formats that meshio reads and writes and lacmesh does not, and meshio's own objects.
+"""Files that meshio reads and writes and lacmesh does not, whole ones alone, and what they do not give back.
 
-meshio may raise any exception, exit, drop cells silently, read on beyond the end of a file for ever, or swap nodes in
-some formats. So a file must be whole as far as its format tells (`meshio_checks.py`), and what was written is read
-back: changed cells are an error. Groups and numbers are written as arrays where a format keeps arrays; all that a file
-does not give back is named in one warning. Quadratic cells are written only where their node order was checked against
-another program. Messages that meshio prints while reading, for example on cells that it drops, are passed on.
+meshio may raise any exception, exit, drop cells silently, or swap nodes in some formats. Groups and numbers are written
+as arrays where a format keeps arrays. What was written is read back: changed cells are an error, all other losses are
+named in one warning. Quadratic cells are written only where their node order was checked against another program.
+Messages that meshio prints while reading, for example on cells that it drops, are passed on.
+
+Some readers of meshio go on at the end of a file for ever; others take a truncated file for a whole one. A stream from
+here stops the first, after a number of reads beyond the end: no clock is needed. For the second, a text is searched for
+the words that end its format; if a format has none, its last line must be ended; and points and cells that a format
+announces are counted. A file of a format that neither counts nor ends (`AT_RISK`) may still have lost whole lines.
 """
 
 from __future__ import annotations
@@ -14,29 +18,25 @@ import io
 import re
 import string
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, WriteError, check_installed
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError, some
+from lacmesh.facts import listed
 from lacmesh.formats import exodus
-from lacmesh.formats.arrays import GROUP, add_arrays, numbers_in, to_arrays, with_tag_groups
-from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.meshio_checks import match, misplaced_mid_nodes, read_whole, round_trip_losses
-from lacmesh.formats.orders import MESHIO_NAMES, VTK_CELLS, VTK_NOT_READ, meshio_nodes
+from lacmesh.formats.arrays import mesh_of_meshio, needed, to_arrays, to_meshio
+from lacmesh.formats.orders import VTK_CELLS, VTK_NOT_READ, file_order
 from lacmesh.formats.registry import GMSH_CAN
-from lacmesh.mesh import Ints, Mesh, Tag, concatenated
+from lacmesh.mesh import Floats, Ints, Mesh
 
-_OF_NAME = {theirs: ours for ours, theirs in MESHIO_NAMES.items()}
-#: the note in meshio's `info`; gmsh's physical groups in its cell data
-_INFO, _PHYSICAL = "lacmesh", "gmsh:physical"
 #: formats that keep arrays on cells and nodes: groups, numbers and fields go there
 _WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
 #: types of cells that are written as vtk but for their nodes' order, which was not checked
@@ -45,136 +45,31 @@ _NOT_CHECKED = ("TRIA7", "PENTA15", "PYRAM13", "PYRAM14")
 _PLAIN = "".join(sorted({*string.punctuation} - {*'%"'}))
 #: a message of meshio to the user, up to the next one
 _WORD = re.compile(r"^(Warning|Error|Info): (.*?)(?=^(?:Warning|Error|Info): |\Z)", re.MULTILINE | re.DOTALL)
-
-
-def needed() -> Any:
-    """Import the package meshio. Raises RequestError if it is missing."""
-    check_installed("meshio", "io")
-    import meshio
-
-    return meshio
-
-
-# ---- meshio's objects
-
-
-def to_meshio(mesh: Mesh) -> Any:
-    """The mesh as a `meshio.Mesh`: groups are `cell_sets` and `point_sets`, numbers and data are arrays.
-
-    `cell_data["cell_number"]`, `point_data["node_number"]` are the file's numbers. Raises RequestError where meshio is
-    missing. Data that are no numbers are left out.
-    """
-    meshio, arrays = needed(), to_arrays(mesh, [])
-    bounds = list(pairwise(mesh.offsets))
-    foreign = meshio.Mesh(
-        mesh.points.copy(),
-        [_block(meshio, b.type, b.nodes[:, meshio_nodes(b.type)]) for b in mesh.blocks],
-        point_data={name: v for name, v in arrays.node.items() if not name.startswith(GROUP)},
-        cell_data={n: [v[a:b] for a, b in bounds] for n, v in arrays.cell.items() if not n.startswith(GROUP)},
-        point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
-        cell_sets={n: [c[(c >= a) & (c < b)] - a for a, b in bounds] for n, c in mesh.cell_groups.items()},
-    )
-    order = None if mesh.file_order is None else mesh.file_order.tolist()
-    foreign.info = {_INFO: arrays.note(mesh, file_order=order)}
-    return foreign
-
-
-def _block(meshio: Any, kind: str, nodes: Ints) -> Any:
-    """A block of cells; meshio's own constructor does not know the dimension of wedge15, pyramid13 and others."""
-    try:
-        return meshio.CellBlock(MESHIO_NAMES[kind], nodes)
-    except KeyError:
-        block = meshio.CellBlock.__new__(meshio.CellBlock)
-        block.type, block.data, block.tags, block.dim = MESHIO_NAMES[kind], nodes, [], ALL_CELLS[kind].dim
-        return block
-
-
-def from_meshio(foreign: Any) -> Mesh:
-    """The mesh of a `meshio.Mesh`; sets are groups, and so are gmsh's physical groups where there are no sets.
-
-    Raises DataError for cells that lacmesh lacks (polygons, polyhedra) and for arrays that do not fit.
-
-    >>> from lacmesh import Mesh
-    >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
-    >>> from_meshio(square.to_meshio()).cells_by_type
-    {'QUAD4': 1}
-    """
-    try:
-        return _mesh(foreign, Path("meshio"))
-    except ReadError as error:
-        raise DataError(f"this meshio mesh cannot be used: {error.reason}") from error
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
-        raise DataError(f"this meshio mesh cannot be used: {error}") from error
-
-
-def _mesh(foreign: Any, path: Path) -> Mesh:
-    """The mesh of a `meshio.Mesh`. Raises ReadError, DataError, and what numpy raises on arrays that do not fit."""
-    out = MeshBuilder(path, rows_from=0)
-    for block in foreign.cells:
-        if block.type not in _OF_NAME:
-            raise DataError(f"cells of meshio's type {block.type!r} are not read")
-    starts = np.cumsum([0, *(len(block.data) for block in foreign.cells)]).tolist()
-    n, rows = len(foreign.points), _places_in_file(foreign, starts[-1], out)
-    on_cells = _native(
-        {name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in foreign.cell_data.items()}
-    )
-    on_nodes = _native({name: np.asarray(values) for name, values in foreign.point_data.items()})
-    out.nodes(numbers_in(on_nodes, "node", n, out), np.asarray(foreign.points, float))
-    number = numbers_in(on_cells, "cell", starts[-1], out)
-    for block, (first, last) in zip(foreign.cells, pairwise(starts), strict=True):
-        kind, listed = _OF_NAME[block.type], np.asarray(block.data)
-        nodes = np.empty(listed.shape, np.int64)
-        nodes[:, meshio_nodes(kind)] = listed
-        out.cells(kind, None if number is None else number[first:last], nodes, at=rows[first:last])
-    for name, parts in foreign.cell_sets.items():
-        if not name.startswith("gmsh:"):
-            out.group("cell", name, rows[concatenated(_members(m) + a for m, a in zip(parts, starts, strict=False))])
-    for name, nodes in foreign.point_sets.items():
-        out.group("node", name, _members(nodes))
-    tags: dict[str, tuple[Tag, ...]] = {}
-    if _PHYSICAL in on_cells and all(name.startswith("gmsh:") for name in foreign.cell_sets):
-        tags = _physical_groups(foreign, on_cells.pop(_PHYSICAL), rows, out)
-    add_arrays(out, "cell", on_cells, rows)
-    add_arrays(out, "node", on_nodes)
-    return with_tag_groups(out.mesh(group_tags=tags), out, on_cells)
-
-
-def _places_in_file(foreign: Any, n_cells: int, out: MeshBuilder) -> Ints:
-    """Read the note, from the info or, of a VTU file, the field data; return the places of the cells in the file."""
-    info = foreign.info if isinstance(foreign.info, dict) else {}
-    in_file = np.asarray(foreign.field_data.get(_INFO, ()))
-    text = str(info[_INFO]) if _INFO in info else in_file.tobytes() if in_file.dtype == np.uint8 else ""
-    if text:
-        out.read_note(text)
-    order = np.asarray(out.note.get("file_order", ()))
-    return np.argsort(order) if np.array_equal(np.sort(order), np.arange(n_cells)) else np.arange(n_cells)
-
-
-def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Arrays in native byte order, those of width 1 made flat."""
-    flat = {n: v[:, 0] if v.ndim == 2 and v.shape[1] == 1 else v for n, v in arrays.items()}
-    return {n: v.astype(v.dtype.newbyteorder("="), copy=False) if v.dtype.kind in "iuf" else v for n, v in flat.items()}
-
-
-def _physical_groups(foreign: Any, physical: NDArray, rows: Ints, out: MeshBuilder) -> dict[str, tuple[Tag, ...]]:
-    """Add gmsh's physical groups, a tag for each cell; return the tags of each group."""
-    sizes = [len(block.data) for block in foreign.cells]
-    dims = np.repeat([ALL_CELLS[_OF_NAME[block.type]].dim for block in foreign.cells], sizes)
-    names = {(int(dim), int(tag)): name for name, (tag, dim) in foreign.field_data.items()}
-    tags: dict[str, tuple[Tag, ...]] = {}
-    for dim, tag in np.unique(np.stack([dims, physical.astype(np.int64)], axis=1), axis=0).tolist():
-        if tag > 0:
-            name = names.get((dim, tag), f"{dim}:{tag}")
-            out.group("cell", name, rows[(dims == dim) & (physical == tag)])
-            tags[name] = (*tags.get(name, ()), (dim, tag))
-    return tags
-
-
-def _members(members: Any) -> Ints:
-    return np.asarray([] if members is None else members, np.int64)
-
-
-# ---- files
+#: formats whose text does not say where it ends: a file that lost its last lines reads as a smaller mesh
+AT_RISK = ("flac3d", "mdpa", "obj")
+#: meshio's formats whose reader takes a stream, of text or of bytes. The others open the file by its name: libraries
+#: (HDF5, netCDF, XML) and readers that look at the suffix, or open it twice; they stop where the file does
+_OF_TEXT = ("avsucd", "nastran", "netgen", "obj", "off", "permas", "su2", "tecplot")
+_OF_BYTES = ("mdpa", "ply")
+#: how often a reader may look beyond the end
+_PATIENCE = 1000
+#: what stands at the end of a text of a format
+_END = {
+    "mdpa": (rb"^\s*End [^\n]*\s*\Z", "End"),
+    "medit": (rb"^\s*End\b", "End"),
+    "netgen": (rb"^endmesh\b", "endmesh"),
+    "permas": (rb"^\$FIN\b", "$FIN"),
+    "stl": (rb"^\s*endsolid\b", "endsolid"),
+}
+#: what says in a file how many points, and how many cells, it has
+_COUNTS = {
+    "ply": (rb"^element vertex (\d+)", rb"^element face (\d+)"),
+    "su2": (rb"^NPOIN\s*=\s*(\d+)", rb"^(?:NELEM|MARKER_ELEMS)\s*=\s*(\d+)"),
+}
+#: formats of text that end with a number
+_LINES = ("avsucd", "flac3d", "obj", "off", "ply", "su2", "tecplot", "vtk")
+#: binary medit's last word, before the place of the next
+_GMF_END = 54
 
 
 def read(path: Path, name: str) -> Mesh:
@@ -191,13 +86,18 @@ def read(path: Path, name: str) -> Mesh:
     way = f"; {GMSH_CAN}" if name == "nastran" else ""
     foreign = _guarded(lambda: read_whole(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
     if name == "vtk":
-        printed = [*map(_with_type_names, printed), *_colours(path)]
+        # meshio names types of cells by number alone, and skips COLOR_SCALARS silently, VTK's form of an array of bytes
+        names = {str(n): name for n, name in {**VTK_NOT_READ, 11: "voxels"}.items()}
+        with_name = lambda m: f"(type {m[1]}, {names.get(m[1], 'unknown')})"  # noqa: E731
+        printed = [re.sub(r"\(type (\d+)\)", with_name, word) for word in printed]
+        colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
+        printed += [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
     messages = "; ".join(printed)
     if messages and not any(len(block.data) for block in foreign.cells):
         hint = " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
         raise ReadError(path, f"has no cells as meshio reads it ({messages}); use another format{hint}")
     try:
-        mesh = _mesh(_as_ours(foreign, name), path)
+        mesh = mesh_of_meshio(_as_ours(foreign, name), path)
     except ReadError:
         raise
     except (LacmeshError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
@@ -223,7 +123,7 @@ def write(path: Path, mesh: Mesh, *, name: str) -> None:
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
     foreign = _with_arrays(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
     _guarded(lambda: meshio.write(path, foreign, file_format=name), lambda why: WriteError(path, why), disk=path)
-    reread = lambda: _mesh(_as_ours(meshio.read(path, file_format=name), name), path)  # noqa: E731
+    reread = lambda: mesh_of_meshio(_as_ours(meshio.read(path, file_format=name), name), path)  # noqa: E731
     back = _guarded(reread, lambda why: WriteError(path, why))
     where = match(mesh, back)
     if isinstance(where, str):
@@ -244,7 +144,9 @@ def _with_arrays(mesh: Mesh, name: str) -> Any:
         for key, values in arrays.cell.items():
             foreign.cell_data[key] = [_number_type(values[a:b], name) for a, b in pairwise(mesh.offsets)]
         foreign.point_data = {key: _number_type(values, name) for key, values in arrays.node.items()}
-    return _turn_wedges(foreign, name)
+    if name == "vtk":
+        _turn_wedges(foreign)
+    return foreign
 
 
 def _number_type(values: NDArray, name: str) -> NDArray:
@@ -258,7 +160,7 @@ def _number_type(values: NDArray, name: str) -> NDArray:
 def _as_ours(foreign: Any, name: str) -> Any:
     """Convert, in place, what differs in a VTK file: the node order of wedges, encoded names, the pairs in `entity`."""
     if name == "vtk":
-        _turn_wedges(foreign, name)
+        _turn_wedges(foreign)
         foreign.cell_data = {unquote(k): _pairs(v) if k == "entity" else v for k, v in foreign.cell_data.items()}
         foreign.point_data = {unquote(k): _pairs([v])[0] if k == "entity" else v for k, v in foreign.point_data.items()}
     return foreign
@@ -270,24 +172,11 @@ def _pairs(parts: list[NDArray]) -> list[NDArray]:
     return [v[:, :2] for v in parts] if added else parts
 
 
-def _turn_wedges(foreign: Any, name: str) -> Any:
+def _turn_wedges(foreign: Any) -> None:
     """Undo, in place, meshio's reordering of VTK's linear wedges, which gives them negative volumes in VTK."""
-    for block in foreign.cells if name == "vtk" else ():
+    for block in foreign.cells:
         if block.type == "wedge":
             block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
-    return foreign
-
-
-def _with_type_names(word: str) -> str:
-    """Add the names of cell types to a message of meshio on a VTK file, which gives only their numbers."""
-    names = {**VTK_NOT_READ, 11: "voxels"}
-    return re.sub(r"\(type (\d+)\)", lambda m: f"(type {m[1]}, {names.get(int(m[1]), 'unknown')})", word)
-
-
-def _colours(path: Path) -> list[str]:
-    """Messages on the COLOR_SCALARS that meshio skips silently; VTK saves an active array of bytes in that form."""
-    colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
-    return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
 
 
 def _guarded(
@@ -320,3 +209,185 @@ def _guarded(
         texts = [" ".join(text.split()).rstrip(".") for kind, text in _WORD.findall(plain) if kind != "Info"]
         words += dict.fromkeys(texts)
     return result
+
+
+# ---- whole files
+
+
+class _Watched:
+    """Mixin for streams that raises EOFError in a reader which goes on beyond the end."""
+
+    _beyond = 0
+
+    def readline(self, size: int | None = -1, /) -> Any:
+        """Read a line as a stream does, and count the reads beyond the end."""
+        return self._counted(super().readline(size))  # type: ignore[misc]
+
+    def read(self, size: int | None = -1, /) -> Any:
+        """Read as a stream does, and count the reads beyond the end."""
+        return self._counted(super().read(size))  # type: ignore[misc]
+
+    def _counted(self, content: Any) -> Any:
+        self._beyond += not content
+        if self._beyond > _PATIENCE:
+            raise EOFError("the file ends before the mesh does")
+        return content
+
+
+class _Bytes(_Watched, io.BufferedReader): ...
+
+
+class _Text(_Watched, io.TextIOWrapper): ...
+
+
+def read_whole(read: Callable[..., Any], path: Path, name: str) -> Any:
+    """Call `read` (meshio's) on a file of its format `name`.
+
+    Raises ReadError where the file was cut short, as far as its format tells; EOFError if `read` goes on at its end.
+    """
+    packed = path.suffix == ".gz"  # a packed file that is cut short cannot be unpacked
+    content = b"" if packed else path.read_bytes()
+    if not packed:
+        _check_end(path, name, content)
+    if packed or name not in (*_OF_TEXT, *_OF_BYTES):
+        mesh = read(path, file_format=name)
+    else:
+        with _Bytes(io.FileIO(path)) as file:
+            mesh = read(_Text(file) if name in _OF_TEXT else file, file_format=name)
+    counts = len(mesh.points), sum(len(block.data) for block in mesh.cells)
+    for pattern, count, what in zip(_COUNTS.get(name, ()), counts, ("points", "cells"), strict=False):
+        announced = sum(map(int, re.findall(pattern, content, re.MULTILINE)))
+        if count < announced:
+            raise ReadError(path, f"is cut short: it has {count} of the {announced} {what} that it announces")
+    return mesh
+
+
+def _check_end(path: Path, name: str, content: bytes) -> None:
+    if b"\0" in content[:4096] or b"\0" in content[-4096:]:  # no text
+        words = [int.from_bytes(content[at : at + 4], order) for at in (-8, -12) for order in ("little", "big")]
+        if name == "medit" and _GMF_END not in words:
+            raise ReadError(path, "is cut short: its end is missing (GmfEnd)")
+    elif name == "dolfin-xml":
+        for whole, part in ((b"vertices", b"vertex"), (b"cells", b"interval|triangle|tetrahedron")):
+            announced = sum(map(int, re.findall(b"<%b\\s[^>]*?size=[\"'](\\d+)" % whole, content)))
+            n = len(set(re.findall(b"<(?:%b)\\s[^>]*?index=[\"'](\\d+)" % part, content)))
+            if n != announced:
+                raise ReadError(path, f"has {n} of {announced} {whole.decode()}, or others than it should")
+    elif name in _END:
+        pattern, word = _END[name]
+        if not re.search(pattern, content, re.MULTILINE):
+            raise ReadError(path, f"is cut short: {word!r} is missing, which ends a file of {name}")
+    elif name in _LINES and content[-1:] not in (b"\n", b"\r"):
+        raise ReadError(path, "ends within a line, so it may be cut short; if it is whole, end its last line")
+
+
+# ---- losses
+
+
+class MeshMap(NamedTuple):
+    """Index of each cell and node in the mesh read back, -1 if lost; `off`: largest node shift over the mesh's size."""
+
+    cell: Ints
+    node: Ints
+    off: float
+
+
+def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
+    """Match two meshes whose cells are the same, type by type and in order; else a text that says what differs."""
+    size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
+    cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
+    off, none = 0.0, np.empty((0, 1), np.int64)
+    parts = [{kind: part for kind, *part in mesh.select(np.arange(mesh.n_cells))} for mesh in (before, after)]
+    for kind in dict.fromkeys([*parts[0], *parts[1]]):
+        (cells, ours), (others, theirs) = (part.get(kind, [none, none]) for part in parts)
+        if len(ours) != len(theirs):
+            return f"{len(theirs)} {kind} of {len(ours)}"
+        away = _farthest(before.points[ours], after.points[theirs])
+        if not away <= tolerance * size:
+            return f"{kind} with other nodes"
+        off = max(off, away)
+        cell[cells], node[ours] = others, theirs
+    alone = np.flatnonzero(node < 0)
+    if after.n_nodes == before.n_nodes and _farthest(before.points[alone], after.points[alone]) <= tolerance * size:
+        node[alone] = alone
+    return MeshMap(cell, node, off / size if size else 0.0)
+
+
+def _farthest(a: Floats, b: Floats) -> float:
+    return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
+
+
+def round_trip_losses(before: Mesh, after: Mesh, indices: MeshMap) -> list[str]:
+    """Clauses that name what `after` has lost of `before`."""
+    lost = []
+    if indices.off > 1e-14:
+        lost.append(f"digits of coordinates (moved by up to {indices.off:.0e} of the mesh's size)")
+    if (indices.node < 0).any():
+        lost.append(f"{int((indices.node < 0).sum())} nodes that no cell has")
+    for on, to in (("cell", indices.cell), ("node", indices.node)):
+        lost += _lost_on(on, before, after, to)
+    types = [np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after)]
+    same_order = np.array_equal(types[0], types[1])
+    periodic = [mesh.model is not None and bool(mesh.model.periodic) for mesh in (before, after)]
+    rest = {
+        f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
+        f"the mesh's name {before.name!r}": before.name not in ("mesh", after.name),
+        f"that the mesh has {before.space_dim} dimensions": before.space_dim != after.space_dim,
+        "the times of steps": before.steps and before.steps != after.steps,
+        "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
+        "periodic links": periodic == [True, False],
+        "the order of cells of different types": before.file_order is not None and not same_order,
+    }
+    return lost + [what for what, gone in rest.items() if gone]
+
+
+def _lost_on(on: str, before: Mesh, after: Mesh, to: Ints) -> Iterator[str]:
+    """Yield what is lost of the groups, numbers and data of nodes or cells, whose indices in `after` are `to`."""
+    (groups, data, number), (others, values_of, theirs) = (
+        (getattr(mesh, f"{on}_groups"), getattr(mesh, f"{on}_data"), getattr(mesh, f"{on}_number"))
+        for mesh in (before, after)
+    )
+    there, clauses = to >= 0, dict[str, list[str]]()
+    for name, members in groups.items():
+        if name not in others or not np.array_equal(np.sort(to[members]), np.sort(others[name])):
+            clauses.setdefault(f"the {on} groups {{}}", []).append(name)
+    for name, values in data.items():
+        other, what = values_of.get(name), f"the {on} data {{}}"
+        padded = other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any()
+        other = other[:, :2] if padded else other
+        if other is None or other.shape[1:] != values.shape[1:] or not _same(values[there], other[to[there]]):
+            clauses.setdefault(what, []).append(name)
+        elif values.dtype.kind in "iu" and other.dtype.kind == "f":
+            clauses.setdefault(f"that {what} are integers", []).append(name)
+        elif padded:
+            clauses.setdefault(f"that {what} have 2 components (a third, 0, is added)", []).append(name)
+    if not np.array_equal(number[there], theirs[to[there]]):
+        yield f"the numbers of {on}s (they are 1, 2, ...)"
+    yield from (clause.format(listed(map(repr, names))) for clause, names in clauses.items())
+
+
+def _same(a: NDArray, b: NDArray) -> bool:
+    if a.dtype.kind not in "iufb" or b.dtype.kind not in "iufb":
+        return False
+    scale = float(np.nanmax(np.abs(a), initial=0.0)) if a.dtype.kind == "f" else 0.0
+    return bool(np.allclose(a.astype(float), b.astype(float), rtol=1e-6, atol=1e-9 * scale, equal_nan=True))
+
+
+def misplaced_mid_nodes(mesh: Mesh) -> str:
+    """Text that names cells with misplaced mid-nodes, the sign of a wrong node order; "" if there are none.
+
+    A mid-node is misplaced if it is farther from the middle of its edge than half the edge's length.
+    """
+    wrong = []
+    for block, first in zip(mesh.blocks, mesh.offsets, strict=False):
+        cell = ALL_CELLS[block.type]
+        if cell.order != 2 or not len(block.nodes) or cell.dim < 2:
+            continue
+        x = mesh.points[block.nodes]
+        a, b = (x[:, [edge[k] for edge in cell.edges]] for k in (0, 1))
+        middle = x[:, cell.n_corners : cell.n_corners + len(cell.edges)]
+        far = np.linalg.norm(middle - (a + b) / 2, axis=2) > 0.5 * np.linalg.norm(b - a, axis=2)
+        bad = np.flatnonzero(far.any(axis=1)) + first
+        if len(bad):
+            wrong.append(f"{block.type} {some(mesh.cell_number[bad], 3)}")
+    return ", ".join(wrong)

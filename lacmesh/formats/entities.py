@@ -16,6 +16,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, LacmeshWarning
+from lacmesh.indices import codes, divided
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _LARGEST = 2**31 - 1
@@ -54,106 +55,74 @@ def assign(mesh: Mesh) -> Assignment:
     an existing one. Raises DataError where the data "entity" are not (n, 2) integers.
     """
     group_tags = _group_tags(mesh)
-    classes = _Classes(mesh)
-    classes.split_by_groups(mesh)
+    of_cell, source, groups = _classes(mesh)
     known, node_class = _distinct(mesh.node_data.get("entity"), mesh.n_nodes, "node")
-    names = list(mesh.cell_groups)
-    table: dict[Tag, tuple[int, ...]] = {tag: () for tag in [*_modelled(mesh), *_valid(known)]}
-    before = {*table, *_valid(classes.source)}
-    tags = classes.choose_tags(table)
-    for tag, groups in zip(tags, classes.groups, strict=True):
-        table[tag] = tuple(sorted(_tag_of(group_tags[names[g]], tag[0]) for g in groups))
+    modelled: list[Tag] = []
+    if mesh.model is not None:
+        modelled += [*mesh.model.boundary, *(tag for link in mesh.model.periodic for tag in (link.slave, link.master))]
+    table: dict[Tag, tuple[int, ...]] = dict.fromkeys(_valid([*modelled, *known]), ())
+    before = {*table, *_valid(source)}
+    tags = _tags(source, np.bincount(of_cell, minlength=len(source)), table)
+    physical = [{dim: tag for dim, tag in reversed(group_tags[name])} for name in mesh.cell_groups]
+    for tag, inside in zip(tags, groups, strict=True):
+        table[tag] = tuple(sorted(physical[g][tag[0]] for g in inside))
     if not table and mesh.n_nodes:
         table[mesh.space_dim, 1] = ()
     row = {tag: k for k, tag in enumerate(sorted(table))}
-    cell = np.array([row[t] for t in tags], np.int32)[classes.of_cell]
+    cell = np.array([row[t] for t in tags], np.int32)[of_cell]
     node = np.array([row.get((int(d), int(t)), -1) for d, t in known], np.int32)[node_class]
+    parts: dict[Tag, list[int]] = {}  # tags of the new parts of entities that were split
+    for old, tag in zip(source, tags, strict=True):
+        if old[1] and old != tag:
+            parts.setdefault(old, []).append(tag[1])
     return Assignment(
         entities=tuple(Entity(*tag, table[tag]) for tag in row),
         cell=cell,
         node=_every_node(mesh, node, cell, [dim for dim, _ in row]),
         group_tags=group_tags,
-        boundary=_boundary(mesh, before, row, classes.parts(tags)),
+        boundary=_boundary(mesh, before, row, parts),
     )
 
 
-class _Classes:
-    """Classes of cells that have the same entity, dimension and groups; refined by one group after the other.
+def _classes(mesh: Mesh) -> tuple[Ints, list[Tag], list[tuple[int, ...]]]:
+    """Return the class (n_cells,) of each cell: those with the same entity, dimension and groups.
 
-    `of_cell` (n_cells,): the class of a cell; `source`: the entity that a class comes from (tag 0: from none);
-    `groups`: the groups of a class, as positions in `mesh.cell_groups`.
+    And of each class, the entity that it comes from (tag 0: from none), and the places of its groups.
     """
+    known, which = _distinct(mesh.cell_data.get("entity"), mesh.n_cells, "cell")
+    # places n and n + 1 stand for an unknown entity, or one of another dimension than the cell's: linear cells,
+    # and higher ones apart, since gmsh's getElements shows one order of a shape in an entity
+    n = len(known)
+    width = n + 2
+    code = np.empty(mesh.n_cells, np.int32)
+    for block, a, b in _spans(mesh):
+        dim, new = ALL_CELLS[block].dim, n + (ALL_CELLS[block].order > 1)
+        code[a:b] = np.where((known[:, 0] == dim) & (known[:, 1] > 0), np.arange(n), new)[which[a:b]] + dim * width
+    used, place = codes(code), np.zeros(4 * width, np.int32)
+    place[used] = np.arange(len(used))
+    tags = np.append(known[:, 1], [0, 0])
+    of_cell, first, groups = divided(place[code], len(used), mesh.cell_groups.values())
+    source = [(u // width, int(tags[u % width])) for u in used.tolist()]
+    return of_cell, [source[k] for k in first], groups
 
-    def __init__(self, mesh: Mesh) -> None:
-        known, which = _distinct(mesh.cell_data.get("entity"), mesh.n_cells, "cell")
-        # places n and n + 1 stand for an unknown entity, or one of another dimension than the cell's: linear cells,
-        # and higher ones apart, since gmsh's getElements shows one order of a shape in an entity
-        n = len(known)
-        width = n + 2
-        dims = known[:, 0]
-        valid = known[:, 1] > 0
-        code = np.empty(mesh.n_cells, np.int32)
-        for block, a, b in _spans(mesh):
-            dim, new = ALL_CELLS[block].dim, n + (ALL_CELLS[block].order > 1)
-            code[a:b] = np.where((dims == dim) & valid, np.arange(n), new)[which[a:b]] + dim * width
-        count = np.bincount(code, minlength=4 * width)
-        used = np.flatnonzero(count)
-        place = np.zeros(len(count), np.int32)
-        place[used] = np.arange(len(used))
-        tags = np.append(known[:, 1], [0, 0])
-        self.of_cell: Ints = place[code]
-        self.count: Ints = count[used]
-        self.source: list[Tag] = [(int(u) // width, int(tags[u % width])) for u in used]
-        self.groups: list[list[int]] = [[] for _ in used]
 
-    def split_by_groups(self, mesh: Mesh) -> None:
-        for g, cells in enumerate(mesh.cell_groups.values()):
-            if len(cells):
-                self._split(g, cells)
-
-    def _split(self, group: int, cells: Ints) -> None:
-        """Divide every class that lies partly in a group; note the group in those that lie in it."""
-        member = self.of_cell[cells]
-        inside = np.bincount(member, minlength=len(self.count))
-        touched = np.flatnonzero(inside)
-        part = touched[inside[touched] < self.count[touched]]
-        for c in touched[inside[touched] == self.count[touched]].tolist():
-            self.groups[c].append(group)
-        if not len(part):
-            return
-        new = np.arange(len(self.count), dtype=np.int32)
-        new[part] = len(self.count) + np.arange(len(part))
-        self.of_cell[cells] = new[member]
-        self.count[part] -= inside[part]
-        self.count = np.append(self.count, inside[part])
-        self.source += [self.source[c] for c in part.tolist()]
-        self.groups += [[*self.groups[c], group] for c in part.tolist()]
-
-    def choose_tags(self, others: Iterable[Tag]) -> list[Tag]:
-        """Entity of each class: the largest class of an entity keeps its tag, the rest follow the largest tag."""
-        last = [0, 0, 0, 0]
-        for dim, tag in [*others, *self.source]:
-            last[dim] = max(last[dim], tag)
-        keeper: dict[Tag, int] = {}
-        for c in np.argsort(-self.count, kind="stable").tolist():
-            keeper.setdefault(self.source[c], c)
-        tags = []
-        for c, (dim, tag) in enumerate(self.source):
-            if tag == 0 or keeper[dim, tag] != c:
-                last[dim] += 1
-                tag = last[dim]
-            tags.append((dim, tag))
-        if max(last) > _LARGEST:
-            raise DataError("no tag is left for a new entity; give the entities of the mesh smaller tags")
-        return tags
-
-    def parts(self, tags: list[Tag]) -> dict[Tag, list[int]]:
-        """Tags of the new parts of each entity that was split."""
-        parts: dict[Tag, list[int]] = {}
-        for source, tag in zip(self.source, tags, strict=True):
-            if source[1] and source != tag:
-                parts.setdefault(source, []).append(tag[1])
-        return parts
+def _tags(source: list[Tag], count: Ints, others: Iterable[Tag]) -> list[Tag]:
+    """Entity of each class: the largest class of an entity keeps its tag, the rest follow the largest tag."""
+    last = [0, 0, 0, 0]
+    for dim, tag in [*others, *source]:
+        last[dim] = max(last[dim], tag)
+    keeper: dict[Tag, int] = {}
+    for c in np.argsort(-count, kind="stable").tolist():
+        keeper.setdefault(source[c], c)
+    tags = []
+    for c, (dim, tag) in enumerate(source):
+        if tag == 0 or keeper[dim, tag] != c:
+            last[dim] += 1
+            tag = last[dim]
+        tags.append((dim, tag))
+    if max(last) > _LARGEST:
+        raise DataError("no tag is left for a new entity; give the entities of the mesh smaller tags")
+    return tags
 
 
 def _distinct(entity: Any, n: int, what: str) -> tuple[Ints, Ints]:
@@ -186,14 +155,6 @@ def _valid(tags: Iterable[Any]) -> Iterator[Tag]:
             yield int(dim), int(tag)
 
 
-def _modelled(mesh: Mesh) -> Iterator[Tag]:
-    """Entities that the geometry model of the mesh names."""
-    if mesh.model is not None:
-        yield from _valid(mesh.model.boundary)
-        for link in mesh.model.periodic:
-            yield from _valid((link.slave, link.master))
-
-
 def _group_tags(mesh: Mesh) -> dict[str, tuple[Tag, ...]]:
     """Physical groups of every cell group: its own tags, and a new one for each dimension of its cells without any."""
     tags: dict[str, list[Tag]] = {}
@@ -208,21 +169,12 @@ def _group_tags(mesh: Mesh) -> dict[str, tuple[Tag, ...]]:
                 warnings.warn(LacmeshWarning(message), stacklevel=3)
     last = [max((t for d, t in owner if d == dim), default=0) for dim in range(4)]
     for name, cells in mesh.cell_groups.items():
-        for dim in _dims(mesh, cells):
+        place = np.searchsorted(cells, mesh.offsets)
+        for dim in sorted({ALL_CELLS[b.type].dim for b, n in zip(mesh.blocks, np.diff(place), strict=True) if n}):
             if all(d != dim for d, _ in tags[name]):
                 last[dim] += 1
                 tags[name].append((dim, last[dim]))
     return {name: tuple(t) for name, t in tags.items()}
-
-
-def _dims(mesh: Mesh, cells: Ints) -> list[int]:
-    """The dimensions of a group's cells (sorted indices), ascending."""
-    place = np.searchsorted(cells, mesh.offsets)
-    return sorted({ALL_CELLS[b.type].dim for b, n in zip(mesh.blocks, np.diff(place), strict=True) if n})
-
-
-def _tag_of(tags: Iterable[Tag], dim: int) -> int:
-    return next(tag for d, tag in tags if d == dim)
 
 
 def _every_node(mesh: Mesh, node: Ints, cell: Ints, dims: list[int]) -> Ints:

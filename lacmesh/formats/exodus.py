@@ -101,10 +101,10 @@ def _mesh(path: Path, file: Any) -> Mesh:
 
 
 def _points(file: Any) -> Floats:
-    """Return the coordinates (n, 3), which stand together or by axis."""
+    """Return the coordinates of the nodes (n, 1 to 3), which stand together or by axis."""
     n = len(file.dimensions["num_nodes"])
     if "coord" in file.variables:
-        return np.pad(file["coord"][:].T.astype(float), ((0, 0), (0, 3 - len(file["coord"]))))
+        return np.asarray(file["coord"][:].T, float)
     axes = [file[f"coord{a}"][:] if f"coord{a}" in file.variables else np.zeros(n) for a in "xyz"]
     return np.stack(axes, axis=1).astype(float)
 

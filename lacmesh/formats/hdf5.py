@@ -1,9 +1,9 @@
 """HDF5 for MED and XDMF: checked reading of files that may be damaged, and files built in memory.
 
-Whatever is missing, damaged, of the wrong kind or size is a ReadError that names the place inside the file. A file is
-built as an image in memory and written at once, so that a full disk is an ordinary error. libmed accepts our files:
-every group tracks the order in which its links were created, or libmed fails in MEDfamilyCr; attributes are not
-tracked, or libmed fails on a group with more than 8; the format is that of HDF5 1.10.
+What is missing, of the wrong kind or size is a ReadError that names the place inside the file; what HDF5 cannot read is
+one with HDF5's words. A file is built as an image in memory and written at once, so that a full disk is an ordinary
+error. libmed accepts our files: every group tracks the order in which its links were created, or libmed fails in
+MEDfamilyCr; attributes are not tracked, or libmed fails on a group with more than 8; the format is that of HDF5 1.10.
 """
 
 from __future__ import annotations
@@ -85,24 +85,14 @@ def error_at(holder: Any, message: str, name: Name = "") -> ReadError:
     return ReadError(holder.file.filename, message, place.replace("//", "/"))
 
 
-@contextmanager
-def _place(holder: Any, name: Name) -> Iterator[None]:
-    """Turn what h5py raises in this context into a ReadError about a place in the file."""
-    try:
-        yield
-    except _DAMAGE as error:
-        raise error_at(holder, f"cannot be read ({reason(error)})", name) from error
-
-
 def member(group: h5py.Group, name: Name, kind: type = h5py.Group) -> Any:
     """Return the group, or dataset, of that name in a group. Raises ReadError."""
-    with _place(group, name):
-        link = group.get(name, getlink=True)
-        if link is None:
-            raise error_at(group, "is missing", name)
-        if isinstance(link, h5py.ExternalLink):
-            raise error_at(group, "points into another file, which is not followed", name)
-        one = group[name]
+    link = group.get(name, getlink=True)
+    if link is None:
+        raise error_at(group, "is missing", name)
+    if isinstance(link, h5py.ExternalLink):
+        raise error_at(group, "points into another file, which is not followed", name)
+    one = group[name]
     if not isinstance(one, kind):
         raise error_at(group, f"is a {type(one).__name__.lower()}, expected a {kind.__name__.lower()}", name)
     return one
@@ -110,9 +100,7 @@ def member(group: h5py.Group, name: Name, kind: type = h5py.Group) -> Any:
 
 def groups_in(group: h5py.Group) -> list[tuple[Name, h5py.Group]]:
     """Return the groups in a group with their names, in the order of the file. Raises ReadError."""
-    with _place(group, ""):
-        names = list(group)
-    return [(name, member(group, name)) for name in names]
+    return [(name, member(group, name)) for name in group]
 
 
 def values(group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None = None) -> NDArray:
@@ -121,19 +109,18 @@ def values(group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None =
     Raises ReadError, also for an array that the file cannot hold: deflate packs 1032:1 at most.
     """
     data = member(group, name, h5py.Dataset)
-    with _place(group, name):
-        if data.external or data.is_virtual:
-            raise error_at(group, "is kept in another file, which is not followed", name)
-        if data.shape is None:
-            raise error_at(group, "has no values", name)
-        if data.dtype.kind not in kinds:
-            expected = "integers" if kinds == "iu" else "reals" if kinds == "f" else "numbers"
-            raise error_at(group, f"holds {data.dtype}, expected {expected}", name)
-        if size is not None and data.size != size:
-            raise error_at(group, f"holds {data.size} values, expected {size}", name)
-        check_room(group, data.dtype.itemsize * int(data.size), name, packed=data.chunks is not None)
-        read = np.asarray(data[()])
-        return read.astype(read.dtype.newbyteorder("="), copy=False).reshape(-1)
+    if data.external or data.is_virtual:
+        raise error_at(group, "is kept in another file, which is not followed", name)
+    if data.shape is None:
+        raise error_at(group, "has no values", name)
+    if data.dtype.kind not in kinds:
+        expected = "integers" if kinds == "iu" else "reals" if kinds == "f" else "numbers"
+        raise error_at(group, f"holds {data.dtype}, expected {expected}", name)
+    if size is not None and data.size != size:
+        raise error_at(group, f"holds {data.size} values, expected {size}", name)
+    check_room(group, data.dtype.itemsize * int(data.size), name, packed=data.chunks is not None)
+    read = np.asarray(data[()])
+    return read.astype(read.dtype.newbyteorder("="), copy=False).reshape(-1)
 
 
 def check_room(group: h5py.Group, n_bytes: int, name: Name = "", packed: bool = True) -> None:
@@ -150,13 +137,11 @@ def raw(group: h5py.Group, name: Name) -> bytes:
 
 def attribute(holder: Any, name: str, kind: type, default: Any = ...) -> Any:
     """Return an attribute as an int, float or str, or the default where there is none. Raises ReadError."""
-    with _place(holder, f"@{name}"):
-        value = np.asarray(holder.attrs[name]) if name in holder.attrs else None
-    if value is None:
+    if name not in holder.attrs:
         if default is ...:
             raise error_at(holder, f"has no attribute {name}")
         return default
-    letters, what = _KINDS[kind]
+    value, (letters, what) = np.asarray(holder.attrs[name]), _KINDS[kind]
     if value.size != 1 or value.dtype.kind not in letters:
         raise error_at(holder, f"attribute {name} is not {what}")
     one = value.reshape(-1)[0]

@@ -14,22 +14,30 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import LacmeshWarning, ReadError, WriteError, did_you_mean
+from lacmesh.errors import LacmeshWarning, WriteError, did_you_mean
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import repeated
-from lacmesh.formats.labels import changes, labels
-from lacmesh.formats.source import SourceFile
-from lacmesh.formats.text import AS_REALS, decoded, numbers_in_lines, parsed, reals, rows_of_cells
-from lacmesh.formats.writing import blocks_in_order, check_types, is_plane, left_out
+from lacmesh.formats.notes import left_out
+from lacmesh.formats.orders import blocks_in_order, check_types, is_plane, numbers_within
+from lacmesh.formats.text import (
+    AS_REALS,
+    SourceFile,
+    changes,
+    decoded,
+    in_lines,
+    labels,
+    node_lines,
+    parsed,
+    rows_of_text,
+)
+from lacmesh.indices import repeated
 from lacmesh.mesh import Floats, Ints, Mesh, positions
 
 #: Keyword -> our place of the node that the file lists k-th. Corners are ordered as in gmsh, not as in MED; mid-nodes
@@ -64,7 +72,7 @@ _END = re.compile(rb"^[ \t]*FIN(SF)?(?![A-Za-z0-9_])", re.MULTILINE)
 _NUMBERED = re.compile(rb"[A-Za-z_]{1,7}(0|[1-9][0-9]{0,8})")
 #: code_aster's limits: characters of a group's name, and of a node's or cell's (a letter and seven digits).
 _GROUP_NAME, _LARGEST = 24, 9_999_999
-_LINE, _PER_LINE, _ROWS = 80, 8, 1 << 14
+_LINE, _PER_LINE = 80, 8
 
 
 class SubFile(NamedTuple):
@@ -90,7 +98,7 @@ class _Reader:
     """Sub-files of a file; `places`: that of each name among those of nodes, or of cells."""
 
     def __init__(self, source: SourceFile) -> None:
-        self.source, self.data = source, bytes(source.data)
+        self.source, self.data = source, source.data
         self.builder = MeshBuilder(source.path, rows_from=0)
         self.places: dict[str, dict[bytes, int]] = {"node": {}, "cell": {}}
 
@@ -107,8 +115,8 @@ class _Reader:
         points = np.concatenate([self._nodes(part, dim) for part, _ in dims])
         cells = [(part.keyword, self._cells(part)) for part in parts if part.keyword in NODES]
         numbers = {on: self._numbers_in_names(on) for on in self.places}
-        at = partial(_error, self.source, dims[-1][0].at)
-        self.builder.nodes(numbers["node"], points, error=at)
+        at = dims[-1][0].at
+        self.builder.nodes(numbers["node"], points, error=lambda message: self.source.error(message, at))
         first = 0
         for kind, rows in cells:
             self.builder.cells(kind, numbers["cell"][first : first + len(rows)], rows)
@@ -144,10 +152,19 @@ class _Reader:
             if first == b"FINSF":
                 at = begin
                 continue
-            keyword = self._keyword(first, at)
-            name, lines = self._header(words, at)
-            for _ in range(lines - 1):
+            keyword, known = decoded(first), [*NODES, *_COORDINATES, *_GROUPS, "TITRE"]
+            if _NOT_READ.fullmatch(keyword):
+                raise self.source.error(f"cells of type {keyword} are not read; take them out of the mesh", at)
+            if keyword not in known and keyword not in _LEFT_OUT:
+                near = did_you_mean(keyword[:40], known)
+                raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
+            header = dict(pairwise([*words, b""]))
+            lines = header.get(b"NBLIGE", b"1")
+            if not re.fullmatch(rb"[0-9]{1,6}", lines):
+                raise self.source.error("NBLIGE should be the number of lines of the header", at)
+            for _ in range(int(lines) - 1):
                 begin = data.find(b"\n", begin) + 1 or len(data)
+            name = None if header.get(b"NOM") in (b"", b"INDEFINI") else header.get(b"NOM")
             end = _END.search(data, begin)
             if end is None:
                 raise self.source.error(f"{keyword} has no FINSF after it: the file may be cut off", at)
@@ -155,28 +172,6 @@ class _Reader:
             if end[1] is None:
                 return
             at = end.end()
-
-    def _keyword(self, word: bytes, at: int) -> str:
-        """Return a keyword. Raises ReadError for an unknown one, or that of cells which are not read."""
-        keyword, known = decoded(word), [*NODES, *_COORDINATES, *_GROUPS, "TITRE"]
-        if _NOT_READ.fullmatch(keyword):
-            raise self.source.error(f"cells of type {keyword} are not read; take them out of the mesh", at)
-        if keyword not in known and keyword not in _LEFT_OUT:
-            near = did_you_mean(keyword[:40], known)
-            raise self.source.error(f"{keyword[:40]!r} is no keyword of a .mail file{near}", at)
-        return keyword
-
-    def _header(self, words: list[bytes], at: int) -> tuple[bytes | None, int]:
-        """Return the name in a header, and how many lines the header has. Raises ReadError."""
-        name, lines = None, 1
-        for word, value in pairwise([*words, b""]):
-            if word == b"NOM":
-                name = value if value not in (b"", b"INDEFINI") else None
-            elif word == b"NBLIGE":
-                if not re.fullmatch(rb"[0-9]{1,6}", value):
-                    raise self.source.error("NBLIGE should be the number of lines of the header", at)
-                lines = max(1, int(value))
-        return name, lines
 
     def _body(self, part: SubFile) -> bytes:
         """Text of a sub-file, blanks in place of comments and other separators."""
@@ -267,10 +262,6 @@ class _Reader:
         return np.arange(1, len(names) + 1)
 
 
-def _error(source: SourceFile, at: int, message: str, row: int) -> ReadError:
-    return source.error(message, at)
-
-
 def write(path: Path, mesh: Mesh) -> None:
     """Write a mesh as a .mail file, replacing any content.
 
@@ -279,58 +270,42 @@ def write(path: Path, mesh: Mesh) -> None:
     """
     check_types(path, mesh, NODES, "code_aster")
     clauses = left_out(mesh)
-    node, cell = (
-        _file_numbers(path, mesh.node_number, "nodes", clauses),
-        _file_numbers(path, mesh.cell_number, "cells", clauses),
-    )
+    for n, what in ((mesh.n_nodes, "nodes"), (mesh.n_cells, "cells")):
+        if n > _LARGEST:
+            raise WriteError(path, f"code_aster's names number {_LARGEST} {what} at most; write a .med file")
+    node = numbers_within(mesh.node_number, 0, _LARGEST, "nodes", clauses)
+    cell = numbers_within(mesh.cell_number, 0, _LARGEST, "cells", clauses)
     note = notes.dump(mesh, "zones", "records", node_number=node, cell_number=cell)
-    with path.open("wb") as file:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         line = " ".join(mesh.name.split())
         if line and mesh.name != "mesh" and len(line.encode()) <= _LINE and not line.startswith("FIN"):
-            file.write(f"TITRE\n{line}\nFINSF\n".encode())
-        _write_nodes(file, mesh, node)
+            file.write(f"TITRE\n{line}\nFINSF\n")
+        dim = 2 if is_plane(mesh) else 3
+        file.write(f"COOR_{dim}D\n")
+        for number, row in node_lines(node, mesh.points[:, :dim]):
+            line = f"N{number} {' '.join(row)}"
+            if len(line) > _LINE:  # three digits in an exponent: the last coordinate on a line of its own
+                line = "\n".join(line.rsplit(" ", 1))
+            file.write(f"{line}\n")
+        file.write("FINSF\n")
         for block, lo, here in blocks_in_order(mesh):
             places = list(NODES[block.type])
-            leads = [b"\nM", *(b"\nN" if k % _PER_LINE == 0 else b" N" for k in range(1, len(places) + 1))]
-            file.write(block.type.encode())
-            file.writelines(rows_of_cells(cell[here], node[block.nodes[here - lo][:, places]], leads))
-            file.write(b"\nFINSF\n")
-        for keyword, letter, groups, number in (
-            ("GROUP_NO", b"N", mesh.node_groups, node),
-            ("GROUP_MA", b"M", mesh.cell_groups, cell),
+            form = "M%d" + "".join("\nN%d" if k % _PER_LINE == 0 else " N%d" for k in range(1, len(places) + 1)) + "\n"
+            file.write(f"{block.type}\n")
+            file.writelines(rows_of_text(form, np.column_stack([cell[here], node[block.nodes[here - lo][:, places]]])))
+            file.write("FINSF\n")
+        for keyword, form, groups, numbers in (
+            ("GROUP_NO", "N%d", mesh.node_groups, node),
+            ("GROUP_MA", "M%d", mesh.cell_groups, cell),
         ):
             label_of = labels(groups, "A-Za-z0-9_", _GROUP_NAME, ["FIN", "FINSF"])
             if changed := changes(label_of):
                 clauses.append(f"names of {keyword} have {_GROUP_NAME} letters, digits and _ at most: {changed}")
             for name, members in groups.items():
-                file.write(f"{keyword}\n{label_of[name]}".encode())
-                file.writelines(numbers_in_lines(number[members], _PER_LINE, letter, b" " + letter))
-                file.write(b"\nFINSF\n")
-        file.writelines(f"{_NOTE}{text}\n".encode() for text in notes.in_lines(note, _LINE - len(_NOTE)) if note)
-        file.write(b"FIN\n")
+                file.write(f"{keyword}\n{label_of[name]}\n")
+                file.writelines(in_lines(numbers[members], form, _PER_LINE))
+                file.write("FINSF\n")
+        file.writelines(f"{_NOTE}{text}\n" for text in notes.in_lines(note, _LINE - len(_NOTE)) if note)
+        file.write("FIN\n")
     if clauses:
         warnings.warn(LacmeshWarning(".mail: " + "; ".join(clauses)), stacklevel=2)
-
-
-def _file_numbers(path: Path, numbers: Ints, what: str, clauses: list[str]) -> Ints:
-    """The mesh's numbers; 1, 2 ... where they are not distinct, or too large for code_aster's names."""
-    if len(numbers) > _LARGEST:
-        raise WriteError(path, f"code_aster's names number {_LARGEST} {what} at most; write a .med file")
-    numbers = np.asarray(numbers, np.int64)
-    if len(numbers) and (numbers.min() < 0 or numbers.max() > _LARGEST or repeated(numbers) is not None):
-        clauses.append(f"the numbers of {what} are not distinct or above {_LARGEST}: they are 1, 2 ... in the file")
-        return np.arange(1, len(numbers) + 1)
-    return numbers
-
-
-def _write_nodes(file: BinaryIO, mesh: Mesh, number: Ints) -> None:
-    dim = 2 if is_plane(mesh) else 3
-    file.write(f"COOR_{dim}D\n".encode())
-    for a in range(0, mesh.n_nodes, _ROWS):
-        columns = [reals(mesh.points[a : a + _ROWS, axis]) for axis in range(dim)]
-        for n, *row in zip(number[a : a + _ROWS].tolist(), *columns, strict=True):
-            line = f"N{n} {' '.join(row)}"
-            if len(line) > _LINE:  # three digits in an exponent: the last coordinate on a line of its own
-                line = "\n".join(line.rsplit(" ", 1))
-            file.write(f"{line}\n".encode())
-    file.write(b"FINSF\n")

@@ -26,13 +26,13 @@ from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, 
 from lacmesh.formats import hdf5
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import repeated
 from lacmesh.formats.notes import dump
-from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell
-from lacmesh.formats.writing import blocks_in_order, check_types, is_plane
+from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, FormatCell, blocks_in_order, check_types, is_plane
+from lacmesh.indices import by_value, divided, repeated
 from lacmesh.mesh import Ints, Mesh, concatenated
 
 _OF_NAME = {cell.name: cell for cell in MED_CELLS.values()}
+_BIT = {name: cell.bit for name, cell in _OF_NAME.items()}
 #: where a file may keep cells: as cells, or in old files as faces and edges (the first that has a type counts)
 _ENTITIES = ("MAI", "FAC", "ARE")
 #: parts of a file that no mesh has a place for
@@ -51,7 +51,7 @@ _Families = dict[int, list[str]]
 class _Part(NamedTuple):
     """Cells of one type in a file: nodes (k, n) counted from 1, numbers or None, families (k,)."""
 
-    kind: MedCell
+    kind: FormatCell
     support: str
     place: str
     nodes: Ints
@@ -70,7 +70,12 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     """
     out = MeshBuilder(path, rows_from=1)
     with hdf5.opened(path) as root:
-        _check_version(path, root)
+        if "INFOS_GENERALES" not in root:
+            raise ReadError(path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
+        about = hdf5.member(root, "INFOS_GENERALES")
+        version = hdf5.attribute(about, "MAJ", int), hdf5.attribute(about, "MIN", int, 0)
+        if not (2, 2) <= version < (5, 0):
+            raise hdf5.error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
         link = _chosen(path, root, mesh)
         name, home = hdf5.text(link), root["ENS_MAA"][link]
         if hdf5.attribute(home, "TYP", int, 0) != 0:
@@ -87,27 +92,20 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         supports = {part.support: range(*bounds) for part, bounds in zip(parts, pairwise(starts), strict=True)}
         supports["NOE"] = range(1, out.size("node") + 1)
         steps = fields.read(root, link, supports, out)
-        _read_note(root, name, out)
+        if _HOME in root:
+            out.read_note(hdf5.raw(hdf5.member(root, _HOME), _NOTES))
+            if out.note.get("of", out.note.get("mesh", name)) != name:  # it is of another mesh
+                out.note = {}
         for place, what in _NO_PLACE.items():
             if any(place in group and len(group[place]) for group in (root, home, step)):
                 out.warnings.append(f"{what} are left out")
         return out.mesh(name=name, space_dim=max(dim, 2), steps=steps)
 
 
-def _check_version(path: Path, root: h5py.File) -> None:
-    if "INFOS_GENERALES" not in root:
-        raise ReadError(path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
-    about = hdf5.member(root, "INFOS_GENERALES")
-    version = hdf5.attribute(about, "MAJ", int), hdf5.attribute(about, "MIN", int, 0)
-    if not (2, 2) <= version < (5, 0):
-        raise hdf5.error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
-
-
 def _chosen(path: Path, root: h5py.File, wanted: str | None) -> str | bytes:
     """Return the link to the mesh of that name, or to the only one. Raises ReadError, RequestError."""
-    links = (
-        {hdf5.text(name): name for name, _ in hdf5.groups_in(hdf5.member(root, "ENS_MAA"))} if "ENS_MAA" in root else {}
-    )
+    meshes = hdf5.groups_in(hdf5.member(root, "ENS_MAA")) if "ENS_MAA" in root else []
+    links = {hdf5.text(name): name for name, _ in meshes}
     if not links:
         raise ReadError(path, "holds no mesh")
     if wanted is None and len(links) > 1:
@@ -126,9 +124,7 @@ def _step(home: h5py.Group, left_out: list[str]) -> h5py.Group:
         raise hdf5.error_at(home, "has neither nodes nor steps")
     if len(steps) > 1:
         left_out.append(f"only one of the {len(steps)} steps of the mesh is read")
-    timeless = [
-        one for one in steps if (hdf5.attribute(one, "NDT", int), hdf5.attribute(one, "NOR", int, -1)) == (-1, -1)
-    ]
+    timeless = [one for one in steps if hdf5.attribute(one, "NDT", int) == hdf5.attribute(one, "NOR", int, -1) == -1]
     return (timeless or steps)[0]
 
 
@@ -145,7 +141,7 @@ def _read_nodes(home: h5py.Group, step: h5py.Group, out: MeshBuilder) -> tuple[i
     if hdf5.attribute(home, "REP", int, hdf5.attribute(coordinates, "REP", int, 0)) != 0:
         raise hdf5.error_at(nodes, "is cylindrical or spherical; only Cartesian coordinates are read", "COO")
     number, place = _numbers(nodes, n), f"{nodes.name}/COO"
-    out.nodes(number, points.reshape(dim, n).T, error=lambda message, _: ReadError(out.path, message, place))
+    out.nodes(number, points.reshape(dim, n).T, error=lambda message: ReadError(out.path, message, place))
     return dim, _family(nodes, n)
 
 
@@ -164,9 +160,7 @@ def _parts(step: h5py.Group, left_out: list[str]) -> Iterator[_Part]:
     for entity in _ENTITIES:
         inside = hdf5.groups_in(hdf5.member(step, entity)) if entity in step else []
         if inside and not step[entity].id.get_create_plist().get_link_creation_order():
-            inside.sort(
-                key=lambda item: _OF_NAME[hdf5.text(item[0])].bit if hdf5.text(item[0]) in _OF_NAME else len(_OF_NAME)
-            )
+            inside.sort(key=lambda item: _BIT.get(hdf5.text(item[0]), len(_BIT)))
         for name, part in ((hdf5.text(link), part) for link, part in inside):
             named = named or "NOM" in part
             if name in supports:
@@ -208,7 +202,7 @@ def _add_cells(parts: list[_Part], out: MeshBuilder) -> None:
         out.warnings.append(f"cells are numbered from 1, the file gives several the number {again}")
     for part in parts:
         number = (numbers if again is None else counted)[part.support]
-        error = lambda message, _, place=part.place: ReadError(out.path, message, place)  # noqa: E731
+        error = lambda message, place=part.place: ReadError(out.path, message, place)  # noqa: E731
         out.cells(part.kind.type, number, part.nodes, error=error)
 
 
@@ -221,44 +215,28 @@ def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, left_out: li
         for family in [group] if "NUM" in group.attrs else [inner for _, inner in hdf5.groups_in(group)]:
             number = hdf5.attribute(family, "NUM", int)
             table = {"ELEME": of_cells, "NOEUD": of_nodes}.get(hdf5.text(place), of_cells if number < 0 else of_nodes)
-            table.setdefault(number, []).extend(_group_names(family))
-            if "ATT" in family and "attributes of families are left out" not in left_out:
+            names = table.setdefault(number, [])
+            if "GRO" in family:
+                groups = hdf5.member(family, "GRO")
+                text = hdf5.raw(groups, "NOM")
+                n = hdf5.attribute(groups, "NBR", int, len(text) // _NAME_SIZE)
+                if not 0 <= n * _NAME_SIZE <= len(text):
+                    raise hdf5.error_at(groups, f"holds {len(text)} bytes for {n} names of {_NAME_SIZE}", "NOM")
+                names += [hdf5.text(text[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
+            if "ATT" in family:
                 left_out.append("attributes of families are left out")
     return of_cells, of_nodes
 
 
-def _group_names(family: h5py.Group) -> list[str]:
-    if "GRO" not in family:
-        return []
-    groups = hdf5.member(family, "GRO")
-    names = hdf5.raw(groups, "NOM")
-    n = hdf5.attribute(groups, "NBR", int, len(names) // _NAME_SIZE)
-    if not 0 <= n * _NAME_SIZE <= len(names):
-        raise hdf5.error_at(groups, f"holds {len(names)} bytes for {n} names of {_NAME_SIZE}", "NOM")
-    return [hdf5.text(names[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
-
-
 def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) -> None:
     """Add the groups of nodes or cells, from the family (n,) of each; groups without members included."""
-    order = np.argsort(family, kind="stable")
-    used, starts = np.unique(family[order], return_index=True)
-    rows = dict(zip(used.tolist(), np.split(order + 1, starts[1:]), strict=True)) if len(used) else {}
-    for name in sorted({name for names in families.values() for name in names}):
-        out.group(on, name)
-        for number, names in families.items():
-            if name in names and number in rows:
-                out.group(on, name, rows[number])
+    rows = dict(by_value(family, np.arange(1, len(family) + 1)))
+    pairs = [(name, number) for number, names in families.items() for name in names]
+    for name, number in sorted(pairs, key=lambda pair: pair[0]):
+        out.group(on, name, rows.get(number))
     unknown = [number for number in rows if number and number not in families]
     if unknown:
         out.warnings.append(f"{on}s in {len(unknown)} undefined families (as {unknown[0]}) get no group from them")
-
-
-def _read_note(root: h5py.File, name: str, out: MeshBuilder) -> None:
-    """Read what lacmesh noted of the mesh of that name."""
-    if _HOME in root:
-        out.read_note(hdf5.raw(hdf5.member(root, _HOME), _NOTES))
-        if out.note.get("of", out.note.get("mesh", name)) != name:
-            out.note = {}
 
 
 # ---- writing
@@ -318,23 +296,20 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
 
 
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
-    n = mesh.n_nodes
     nodes = hdf5.add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
     points = np.ascontiguousarray(mesh.points[:, : 2 if is_plane(mesh) else 3].T, float)
-    hdf5.add_array(nodes, "COO", points.reshape(-1), CGT=1, NBR=n)
-    hdf5.add_array(nodes, "FAM", family, CGT=1, NBR=n)
-    hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
+    for name, values in (("COO", points.reshape(-1)), ("FAM", family), ("NUM", hdf5.compact(mesh.node_number))):
+        hdf5.add_array(nodes, name, values, CGT=1, NBR=mesh.n_nodes)
 
 
-def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here: Ints, family: Ints) -> None:
-    n = len(nodes)
-    listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
+def _write_cells(home: h5py.Group, mesh: Mesh, kind: FormatCell, nodes: Ints, here: Ints, family: Ints) -> None:
+    listed = np.empty((len(kind.nodes), len(nodes)), np.int32 if mesh.n_nodes < 2**31 else np.int64)
     for row, place in zip(listed, kind.nodes, strict=True):
         np.add(nodes[:, place], 1, out=row, casting="unsafe")
-    part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
-    hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
-    hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)
-    hdf5.add_array(part, "NUM", hdf5.compact(mesh.cell_number[here]), CGT=1, NBR=n)
+    part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.number, PFL=fields.NO_PROFILE)
+    number = hdf5.compact(mesh.cell_number[here])
+    for name, values in (("NOD", listed.reshape(-1)), ("FAM", family), ("NUM", number)):
+        hdf5.add_array(part, name, values, CGT=1, NBR=len(nodes))
 
 
 def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str, ...]]]:
@@ -343,21 +318,14 @@ def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple
     One family for each dimension `dim` (n,) and combination of groups (of a family with several dimensions gmsh names
     only the highest), and one more, without members, for all empty groups.
     """
-    family = np.zeros(len(dim), np.int32)
-    combined: list[tuple[str, ...]] = [()]
-    for name, members in groups.items():
-        before = family[members]
-        families = np.flatnonzero(np.bincount(before))
-        after = np.zeros(int(before.max(initial=0)) + 1, np.int32)
-        after[families] = len(combined) + np.arange(len(families))
-        family[members] = after[before]
-        combined += [(*combined[k], name) for k in families]
-    split = np.where(family > 0, 4 * family + dim, 0)
-    used = np.union1d(0, np.flatnonzero(np.bincount(split)))
-    number = np.zeros(4 * len(combined), np.int32)
-    number[used] = np.arange(len(used))
+    names = list(groups)
+    label, _, inside = divided(dim, 4, groups.values())
+    used = [k for k, places in enumerate(inside) if places]
+    number = np.zeros(len(inside), np.int32)
+    number[used] = 1 + np.arange(len(used))
     empty = tuple(name for name, members in groups.items() if not len(members))
-    return number[split], [combined[k // 4] for k in used] + ([empty] if empty else [])
+    combined = [tuple(names[g] for g in inside[k]) for k in used]
+    return number[label], [(), *combined, *([empty] if empty else [])]
 
 
 def _write_families(parent: h5py.Group, place: str, families: list[tuple[str, ...]], sign: int) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import WriteError
 from lacmesh.formats import hdf5
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.orders import MedCell
+from lacmesh.formats.orders import FormatCell
 from lacmesh.mesh import Ints, Mesh, Step
 
 NO_PROFILE = "MED_NO_PROFILE_INTERNAL"
@@ -136,7 +136,9 @@ class _Array(NamedTuple):
     values: NDArray
 
 
-def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedCell, Ints]], left_out: list[str]) -> None:
+def write(
+    root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[FormatCell, Ints]], left_out: list[str]
+) -> None:
     """Write all data of a mesh that is called `name` in the file.
 
     `cells`: the types in the file, with the indices of their cells in the order of the file. Rows without a value (NaN,

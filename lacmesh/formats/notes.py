@@ -7,7 +7,7 @@ and .mail in comments. Nodes and cells are named by their numbers in the file.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterable, Mapping, Sized
 from dataclasses import replace
 from typing import Any
 from zlib import crc32
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records, without_records
 from lacmesh.errors import CutError
-from lacmesh.formats.ids import Index, numbered, repeated
+from lacmesh.indices import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 from lacmesh.topology.skin import label_rows
 
@@ -57,18 +57,16 @@ def dump(
         "zones": mesh.zones,
         "group_tags": mesh.group_tags,
         "steps": {key: list(vars(step).values()) for key, step in mesh.steps.items()},
-        "model": {"boundary": [[*tag, bounds] for tag, bounds in boundary.items()], "periodic": links},
+        "model": {"boundary": [[*t, b] for t, b in boundary.items()], "periodic": links} if boundary or links else None,
         "records": _records(mesh, nodes, cells, faces) if "records" in names else None,
     }
     note = {key: note[key] for key in names} | more
-    if not boundary and not periodic:
-        note.pop("model", None)
     note = {
         key: value
         for key, value in note.items()
         if not (value is None or (isinstance(value, Sized) and not len(value)))
     }
-    text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=_plain)
+    text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=lambda value: value.tolist())
     return text.replace("$", "\\u0024") if note else ""
 
 
@@ -133,11 +131,6 @@ def text_of(value: Any) -> str:
     return value
 
 
-def _plain(value: Any) -> Any:
-    """Value of a note that JSON does not know: an array or a number of numpy."""
-    return value.tolist()
-
-
 def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a mesh in its note. Raises one of DAMAGED."""
     fields: dict[str, Any] = {}
@@ -162,22 +155,19 @@ def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
         known = {*mesh.cell_data, *mesh.node_data}
         fields["steps"] = {key: step for key, step in steps.items() if key in known}
     if "model" in note:
-        fields["model"] = Model(boundary_of(note["model"]["boundary"]), tuple(_links(mesh, note["model"]["periodic"])))
+        index, links = Index(numbered(mesh.node_number)), []
+        for *sides, affine, number in note["model"]["periodic"]:
+            slave, slave_tag, master, master_tag = integers(sides).tolist()
+            pairs = index.places(integers(number, (-1, 2)))
+            there = pairs[(pairs >= 0).all(axis=1)]
+            links.append(Periodic((slave, slave_tag), (master, master_tag), tuple(map(float, affine)), there))
+        fields["model"] = Model(boundary_of(note["model"]["boundary"]), tuple(links))
     return fields
 
 
 def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
     """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of DAMAGED."""
     return {tuple(integers([dim, tag]).tolist()): tuple(integers(signed, (-1,)).tolist()) for dim, tag, signed in rows}
-
-
-def _links(mesh: Mesh, rows: Iterable[Any]) -> Iterator[Periodic]:
-    index = Index(numbered(mesh.node_number))
-    for *tags, affine, number in rows:
-        slave, slave_tag, master, master_tag = integers(tags).tolist()
-        pairs = index.places(integers(number, (-1, 2)))
-        there = pairs[(pairs >= 0).all(axis=1)]
-        yield Periodic((slave, slave_tag), (master, master_tag), tuple(map(float, affine)), there)
 
 
 def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[str, Any] | None:
@@ -244,24 +234,17 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
         cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
-        rows = np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1)
-        label, _ = label_rows(rows)
-        keys = _distinct_keys(label[: len(theirs)]), _distinct_keys(label[len(theirs) :])
-        _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
-        number[cells[b]] = integers(listed["number"])[a]
+        label, _ = label_rows(np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1))
+        first, second = label[: len(theirs)], label[len(theirs) :]
+        a, b = np.argsort(first, kind="stable"), np.argsort(second, kind="stable")
+        rank = np.arange(len(a)) - np.searchsorted(first[a], first[a])  # of several on the same nodes
+        at = np.searchsorted(second[b], first[a]) + rank
+        there = at < len(b)
+        there[there] = second[b[at[there]]] == first[a[there]]
+        number[cells[b[at[there]]]] = integers(listed["number"])[a[there]]
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)
-
-
-def _distinct_keys(label: Ints) -> Ints:
-    """Distinct integers of labels (k,): of equal labels the first, second ... get the same in all calls."""
-    order = np.argsort(label, kind="stable")
-    begin = np.flatnonzero(np.diff(label[order], prepend=-1))
-    place = np.arange(len(label)) - np.repeat(begin, np.diff(np.append(begin, len(label))))
-    keys = np.empty(len(label), np.int64)
-    keys[order] = label[order].astype(np.int64) << 32 | place
-    return keys
 
 
 def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints, *columns: Mapping[str, Ints]) -> int:
@@ -290,3 +273,21 @@ def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]
         if first in cells and np.array_equal(inside, cells[first]):
             names[first] = name
     return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))
+
+
+def left_out(mesh: Mesh) -> list[str]:
+    """Clauses that name what a format of nodes, cells and groups loses of a mesh; records of a cut go into a note."""
+    mesh = without_records(mesh)
+    fields = [
+        *(f"cell data {name}" for name in mesh.cell_data if name != "entity"),
+        *(f"node data {name}" for name in mesh.node_data if name != "entity"),
+    ]
+    has = {
+        "entities": mesh.model is not None or "entity" in mesh.cell_data or "entity" in mesh.node_data,
+        "tags of groups": bool(mesh.group_tags),
+        "periodic links": mesh.model is not None and bool(mesh.model.periodic),
+    }
+    clauses = [f"fields are left out: {', '.join(fields)}"] if fields else []
+    clauses += [f"the zones of the cut are left out: {', '.join(mesh.zones)}"] if mesh.zones else []
+    of_gmsh = [what for what, there in has.items() if there]
+    return clauses + ([f"what only gmsh knows is left out: {', '.join(of_gmsh)}"] if of_gmsh else [])

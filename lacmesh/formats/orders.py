@@ -1,4 +1,4 @@
-"""Cells of MED, VTK, XDMF and meshio side by side: their names, numbers and orders of nodes.
+"""Cells of MED, VTK, XDMF and meshio side by side: their names, numbers and orders of nodes; their order in a file.
 
 An order lists our places of the nodes in the order in which the format names them. MED: MEDiterators.c of libmed. VTK:
 vtkCellType.h; its cells of higher order are Lagrange cells. XDMF: XdmfTopologyType.cpp, whose order is VTK's, as
@@ -7,38 +7,29 @@ dolfinx's cells.cpp says too.
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterator
+from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from lacmesh.cells import ALL_CELLS, CARRIED
+from lacmesh.errors import WriteError
+from lacmesh.indices import repeated
+from lacmesh.mesh import Block, Ints, Mesh
 
 Places = tuple[int, ...]
 
 
-class MedCell(NamedTuple):
-    """MED's `name` of our `type`, its number `geo`, its `bit` in the masks of fields, its order of `nodes`."""
-
-    name: str
-    type: str
-    geo: int
-    bit: int
-    nodes: Places
-
-
-class VtkCell(NamedTuple):
-    """VTK's `number` of our `type`, its order of `nodes`."""
-
-    number: int
-    type: str
-    nodes: Places
-
-
-class XdmfCell(NamedTuple):
-    """XDMF's `name` and `number` of our `type`; `counted`: in a mixture, the number of nodes follows the number."""
+class FormatCell(NamedTuple):
+    """A cell of a format: its `name` and `number` there, our `type`, its order of `nodes`; MED's `bit` in masks."""
 
     name: str
     number: int
     type: str
-    counted: bool
+    nodes: Places
+    bit: int = 0
 
 
 #: type: MED's name, VTK's number, XDMF's name and number, each None where the format has no such cell
@@ -133,18 +124,14 @@ def _places(kind: str, of_format: dict[str, Places]) -> Places:
     return of_format.get(kind, tuple(range(ALL_CELLS[kind].n_nodes)))
 
 
-def _geo(kind: str) -> int:
-    cell = ALL_CELLS[kind]
-    return 100 * cell.dim + cell.n_nodes if cell.dim else 1
-
-
 #: our type: the cell of MED, of VTK, of XDMF; those of MED stand in libmed's order
-_MED = {med: MedCell(med, kind, _geo(kind), _OF_LIBMED.split().index(med), _places(kind, _MED_NODES))
+_GEO = {kind: 100 * cell.dim + cell.n_nodes if cell.dim else 1 for kind, cell in ALL_CELLS.items()}
+_MED = {med: FormatCell(med, _GEO[kind], kind, _places(kind, _MED_NODES), _OF_LIBMED.split().index(med))
         for kind, (med, _, _, _) in _LISTED.items() if med}  # fmt: skip
 MED_CELLS = {_MED[name].type: _MED[name] for name in _OF_LIBMED.split() if name in _MED}
-VTK_CELLS = {kind: VtkCell(number, kind, _places(kind, _VTK_NODES))
+VTK_CELLS = {kind: FormatCell("", number, kind, _places(kind, _VTK_NODES))
              for kind, (_, number, _, _) in _LISTED.items() if number}  # fmt: skip
-XDMF_CELLS = {kind: XdmfCell(name, number, kind, number < 3)
+XDMF_CELLS = {kind: FormatCell(name, number, kind, _places(kind, _VTK_NODES))
               for kind, (_, _, name, number) in _LISTED.items() if name and number}  # fmt: skip
 
 #: other cells of VTK that are read: Lagrange cells of order 1 and 2, polygons that are triangles, voxels ...
@@ -153,7 +140,8 @@ _READ_TOO = {
     69: ("TRIA3", "TRIA6"), 70: ("QUAD4", "QUAD9"), 71: ("TETRA4", "TETRA10"), 72: ("HEXA8", "HEXA27"),
     73: ("PENTA6", "PENTA18"),
 }  # fmt: skip
-_PIXEL, _VOXEL = VtkCell(8, "QUAD4", (0, 1, 3, 2)), VtkCell(11, "HEXA8", (0, 1, 3, 2, 4, 5, 7, 6))
+_PIXEL = FormatCell("", 8, "QUAD4", (0, 1, 3, 2))
+_VOXEL = FormatCell("", 11, "HEXA8", (0, 1, 3, 2, 4, 5, 7, 6))
 #: VTK's Lagrange hexahedra, whose order of nodes VTK 9 changed
 LAGRANGE_HEXAHEDRON = 72
 #: (VTK's number, nodes): the cell
@@ -161,7 +149,7 @@ VTK_BY_NUMBER = {
     (cell.number, len(cell.nodes)): cell
     for cell in (
         *VTK_CELLS.values(),
-        *(VtkCell(n, kind, _places(kind, _VTK_NODES)) for n, kinds in _READ_TOO.items() for kind in kinds),
+        *(FormatCell("", n, kind, _places(kind, _VTK_NODES)) for n, kinds in _READ_TOO.items() for kind in kinds),
         *(_PIXEL, _VOXEL),
     )
 }
@@ -174,6 +162,8 @@ VTK_NOT_READ = {
     **dict.fromkeys(range(68, 75), "Lagrange cells"), **dict.fromkeys(range(75, 82), "Bezier cells"),
 }  # fmt: skip
 MED_NOT_READ = {"POG": "polygons", "PO2": "quadratic polygons", "POE": "polyhedra", "O12": "hexagonal prisms (OCTA12)"}
+#: XDMF's vertices and lines: in a mixture, the number of their nodes follows that of the type
+XDMF_COUNTED = (1, 2)
 #: other names of XDMF's cells, in lower case
 XDMF_ALIASES = {
     "line": "polyline", "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "pyra": "pyramid",
@@ -209,3 +199,43 @@ def lagrange_8_to_9(n_nodes: int) -> Places:
     middle, last = first + inside, first + 2 * inside
     places[first:last] = places[middle:last] + places[first:middle]
     return tuple(places)
+
+
+# ---- cells of a mesh in a file
+
+
+def file_order(mesh: Mesh) -> Ints:
+    """Indices of the cells (n_cells,) in the order of the file."""
+    return np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+
+
+def blocks_in_order(mesh: Mesh) -> Iterator[tuple[Block, int, Ints]]:
+    """Yield each block that has cells, the index of its first cell, and the indices of all in the order of the file."""
+    order = file_order(mesh)
+    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets.tolist()), strict=True):
+        if lo < hi:
+            yield block, lo, order[lo:hi] if mesh.file_order is None else order[(order >= lo) & (order < hi)]
+
+
+def is_plane(mesh: Mesh) -> bool:
+    """True if two coordinates say all of a mesh: it is of two dimensions, has no solids, and z is 0."""
+    return mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
+
+
+def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> None:
+    """Raise WriteError where the mesh has cells of a type that is none of the `known` ones of a program or format."""
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in known:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
+            message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
+            raise WriteError(path, message)
+
+
+def numbers_within(numbers: Ints, least: int, largest: int, what: str, clauses: list[str]) -> Ints:
+    """Numbers of nodes or cells; 1, 2 ..., with a clause, where some are equal, or beyond what a format can hold."""
+    numbers = np.asarray(numbers, np.int64)
+    within = numbers.min(initial=least) >= least and numbers.max(initial=largest) <= largest
+    if within and repeated(numbers) is None:
+        return numbers
+    clauses.append(f"the numbers of {what} are not distinct from {least} to {largest}: they are 1, 2 ... in the file")
+    return np.arange(1, len(numbers) + 1)

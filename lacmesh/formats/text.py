@@ -1,22 +1,25 @@
-"""Numbers and names in text files: text to numbers at once, columns of numbers to text at once, bytes to words."""
+"""Text files: text to numbers at once, rows of numbers to text, labels for names, the line of an error."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.errors import ReadError, reading
+from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints
 
 #: Separators become blanks; in real numbers, Fortran's exponents D become E.
 AS_INTEGERS = bytes.maketrans(b",\t", b"  ")
 AS_REALS = bytes.maketrans(b"Dd,\t", b"ee  ")
-#: Bytes of data looked at in one go.
-_CHUNK = 1 << 22
-#: Rows written in one go.
-_ROWS = 1 << 14
 
 
 def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
@@ -51,17 +54,6 @@ def bad_line(text: bytes, dtype: type) -> int:
     return sum(map(len, lines[:low]))
 
 
-def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
-    """Split a text of whole lines into pieces of whole lines, each with its byte offset."""
-    begin = 0
-    while begin < len(text):
-        end = len(text) if len(text) - begin <= _CHUNK else text.rfind(b"\n", begin, begin + _CHUNK) + 1
-        if end <= begin:  # a line longer than a piece
-            end = text.find(b"\n", begin) + 1 or len(text)
-        yield begin, text[begin:end]
-        begin = end
-
-
 def integers(text: bytes) -> Ints | None:
     """Integers in a text; None if it holds anything but integers, commas and blanks."""
     return parsed(text.translate(AS_INTEGERS), np.int64)
@@ -69,21 +61,8 @@ def integers(text: bytes) -> Ints | None:
 
 def values_in_lines(text: bytes) -> Ints:
     """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
-    return np.concatenate([np.empty(0, np.int64), *(_fields_in_lines(piece) for _, piece in chunks(text))])
-
-
-def _fields_in_lines(text: bytes) -> Ints:
-    letters = np.frombuffer(text, np.uint8)
-    ends = np.flatnonzero(letters == 10)
-    commas = np.flatnonzero(letters == 44)
-    solid = np.flatnonzero(letters > 32)  # no blank, tab or end of line
-    last = np.searchsorted(solid, ends) - 1  # the last solid byte of each line, if it is one of this line
-    begins = np.append(0, ends[:-1] + 1)[: len(ends)]
-    filled = (last >= 0) & (solid[last] >= begins) if len(solid) else np.zeros(len(ends), bool)
-    count = np.diff(np.searchsorted(commas, ends), prepend=0)
-    trailing = np.zeros(len(ends), bool)
-    trailing[filled] = letters[solid[last[filled]]] == 44
-    return np.where(filled, count + 1 - trailing, 0)
+    lines = map(bytes.strip, text.split(b"\n")[:-1])
+    return np.array([line.removesuffix(b",").count(b",") + 1 if line else 0 for line in lines], np.int64)
 
 
 def decoded(name: bytes) -> str:
@@ -92,28 +71,6 @@ def decoded(name: bytes) -> str:
         return name.decode()
     except UnicodeDecodeError:
         return name.decode("latin-1")
-
-
-def int_rows(values: Ints, leads: Sequence[bytes]) -> bytes:
-    """Rows (n, m) of integers >= 0 as text, each number preceded by its column's lead.
-
-    >>> int_rows(np.array([[7, 10], [8, 9]]), [b"\\n", b", "])
-    b'\\n7, 10\\n8, 9'
-    """
-    if not values.size:
-        return b""
-    largest = int(values.max())
-    rest: NDArray[np.unsignedinteger] = values.astype(np.uint32 if largest < 2**32 else np.uint64)
-    width, before = len(str(largest)), max(map(len, leads))
-    text = np.empty((*values.shape, before + width), np.uint8)
-    text[..., :before] = np.array([list(lead.rjust(before, b"\0")) for lead in leads], np.uint8).reshape(-1, before)
-    for place in range(before + width - 1, before - 1, -1):
-        higher = rest // 10
-        digit = (rest - 10 * higher).astype(np.uint8) + 48
-        text[..., place] = digit if place == before + width - 1 else np.where(rest > 0, digit, 0)
-        rest = higher
-    flat = text.reshape(-1)
-    return flat[flat != 0].tobytes()
 
 
 def reals(values: Floats, limit: int = 24) -> list[str]:
@@ -138,25 +95,106 @@ def reals(values: Floats, limit: int = 24) -> list[str]:
     return texts
 
 
-def joined(columns: Iterable[Sequence[str]], separator: str) -> str:
-    """Lines of text from columns, each terminated by a line end.
+def node_lines(numbers: Ints, points: Floats, limit: int = 24) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Yield the number and the coordinates of each node, of at most `limit` characters (`reals`)."""
+    for a in range(0, len(numbers), CHUNK):
+        columns = [reals(column, limit) for column in points[a : a + CHUNK].T]
+        yield from zip(numbers[a : a + CHUNK].tolist(), zip(*columns, strict=True), strict=True)
 
-    >>> joined([["1", "2"], ["a", "b"]], ", ")
-    '1, a\\n2, b\\n'
+
+def rows_of_text(form: str, *tables: NDArray) -> Iterator[str]:
+    """Yield rows of tables (n,) or (n, m), side by side, as text, in pieces; `form`: of a row, as `%` takes it.
+
+    >>> "".join(rows_of_text("M%d N%d\\n", np.array([1, 2]), np.array([7, 8])))
+    'M1 N7\\nM2 N8\\n'
     """
-    return "".join([separator.join(row) + "\n" for row in zip(*columns, strict=True)])
+    for a in range(0, len(tables[0]), CHUNK):
+        parts = [table[a : a + CHUNK] for table in tables]
+        values: Iterable[Any] = parts[0].reshape(-1).tolist()
+        if len(parts) > 1:
+            columns = [column for part in parts for column in part.reshape(len(part), -1).T.tolist()]
+            values = chain.from_iterable(zip(*columns, strict=True))
+        yield form * len(parts[0]) % tuple(values)
 
 
-def rows_of_cells(numbers: Ints, nodes: Ints, leads: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield the number (k,) and the nodes (k, n) of each cell, each number preceded by its column's lead."""
-    for a in range(0, len(numbers), _ROWS):
-        part = slice(a, a + _ROWS)
-        yield int_rows(np.hstack([numbers[part, None], nodes[part]]), leads)
-
-
-def numbers_in_lines(numbers: Ints, per_line: int, lead: bytes, between: bytes) -> Iterator[bytes]:
-    """Yield numbers in lines; `lead`: what stands before the first of a line, `between`: before the others."""
-    whole = len(numbers) // per_line * per_line
-    for rows in (numbers[:whole].reshape(-1, per_line), numbers[whole:].reshape(1, -1)):
+def in_lines(values: NDArray, form: str, per_line: int, between: str = " ") -> Iterator[str]:
+    """Yield values (n,) as text, `per_line` on a line; `form`: of one value, as `%` takes it."""
+    whole = len(values) // per_line * per_line
+    for rows in (values[:whole].reshape(-1, per_line), values[whole:].reshape(1, -1)):
         if rows.size:
-            yield int_rows(rows, [b"\n" + lead, *[between] * (rows.shape[1] - 1)])
+            yield from rows_of_text(between.join([form] * rows.shape[1]) + "\n", rows)
+
+
+def labels(
+    names: Iterable[str], allowed: str, limit: int, reserved: Iterable[str] = (), first: str = "A-Za-z"
+) -> dict[str, str]:
+    """Label for each name, distinct regardless of case; a name that is allowed is its own label.
+
+    `allowed`: characters allowed after the `first` one, written as in the brackets of a regular expression.
+
+    >>> labels(["rive gauche", "Rive_gauche", "été", "2nd"], "A-Za-z0-9_", 24)
+    {'rive gauche': 'rive_gauche_2', 'Rive_gauche': 'Rive_gauche', 'été': 'ete', '2nd': 'G_2nd'}
+    """
+
+    def plain(name: str) -> str:
+        letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
+        label = re.sub(rf"[^{allowed}]", "_", letters)
+        return (label if re.match(rf"[{first}]", label) else f"G_{label}")[:limit]
+
+    return distinct_names(names, plain, limit, reserved, str.upper)
+
+
+def distinct_names(
+    names: Iterable[str],
+    plain: Callable[[str], str],
+    limit: int,
+    reserved: Iterable[str] = (),
+    like: Callable[[str], str] = str,
+) -> dict[str, str]:
+    """Plain name for each name, of at most `limit` letters; `like`: makes names that count as the same alike."""
+    of_name = {name: plain(name) for name in names}
+    taken, chosen = set(map(like, reserved)), dict[str, str]()
+    for name in sorted(of_name, key=lambda name: of_name[name] != name):  # names that fit come first
+        label, k = of_name[name], 1
+        while like(label) in taken:
+            k += 1
+            label = of_name[name][: limit - len(f"_{k}")] + f"_{k}"
+        taken.add(like(label))
+        chosen[name] = label
+    return {name: chosen[name] for name in of_name}
+
+
+def changes(chosen: dict[str, str]) -> str:
+    """Text that lists the labels that differ from their names, for a warning; empty if none does.
+
+    >>> changes({"a": "a", "b c": "b_c"})
+    "'b c' is b_c"
+    """
+    return ", ".join(f"{name!r} is {label}" for name, label in chosen.items() if name != label)
+
+
+class SourceFile:
+    """The bytes of a file and the position reached; errors name the line, or, of a `binary` file, the byte."""
+
+    def __init__(self, path: Path, head: bytes = b"") -> None:
+        """Open a file; `head`: its first bytes, if they are enough."""
+        self.path, self.position, self.section_start, self.binary = path, 0, 0, False
+        with reading(path):
+            self.data = head or path.read_bytes()
+        self.size = len(self.data)
+
+    def error(self, message: str, at: int | None = None) -> ReadError:
+        """Make the error for byte `at` (default: the start of the section)."""
+        at = self.section_start if at is None else min(at, self.size)
+        line = self.data.count(b"\n", 0, at) + 1
+        return ReadError(self.path, message, f"byte {at}" if self.binary else f"line {line}")
+
+    def line(self) -> bytes:
+        """The next line, without its end. Raises ReadError at the end of the file."""
+        if self.position >= self.size:
+            raise self.error("the file ends too early", self.size)
+        end = self.data.find(b"\n", self.position)
+        end = self.size if end < 0 else end
+        line = self.data[self.position : end]
+        self.position = end + 1
+        return line.rstrip(b"\r")

@@ -17,11 +17,12 @@ import lzma
 import re
 import warnings
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +41,9 @@ from lacmesh.formats.arrays import (
     with_tag_groups,
 )
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS
+from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS, check_types
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.writing import check_types
+from lacmesh.formats.text import in_lines
 from lacmesh.mesh import Ints, Mesh
 
 XmlElement = ElementTree.Element
@@ -50,14 +51,10 @@ XmlElement = ElementTree.Element
 _NAMES = {"i": "Int", "u": "UInt", "f": "Float"}
 _KINDS = {f"{'U' * u}Int{8 * n}": np.dtype(f"{'u' if u else 'i'}{n}") for u in (0, 1) for n in (1, 2, 4, 8)}
 _KINDS |= {"Float32": np.dtype(np.float32), "Float64": np.dtype(np.float64), "String": np.dtype(np.uint8)}
-#: bytes of a block that is compressed by itself, as VTK takes it by default; values in a piece of text
-_BLOCK, _CHUNK = 2**15, 2**17
+#: bytes of a block that is compressed by itself, as VTK takes it by default
+_BLOCK = 2**15
 #: what decoding may raise on damaged bytes
 DAMAGE = (ValueError, IndexError, OverflowError, MemoryError, zlib.error, lzma.LZMAError, EOFError)
-#: what an attribute of XML may not hold as it is
-_ESCAPED = str.maketrans(
-    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
-)
 
 
 # ---- reading
@@ -254,11 +251,11 @@ def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, sev
     first_node, first_cell = out.size("node"), out.size("cell")
     cells = _read_cells(document, piece, n, k)
     on_nodes, on_cells = (_read_data(document, piece, f"{on}Data", m, out) for on, m in (("Point", n), ("Cell", k)))
-    at_points = lambda message, _: document.error(message, "<Points>")  # noqa: E731
-    out.nodes(numbers_in(on_nodes, "node", n, out), points.reshape(n, 3), error=at_points)
+    number, at_points = numbers_in(on_nodes, "node", n, out), partial(document.error, place="<Points>")
+    out.nodes(number, points.reshape(n, 3), error=at_points)
     old = [int(part) for part in document.root.get("version", "0.1").split(".") if part.isdigit()] < [2, 1]
-    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
-    add_cells(out, cells, numbers_in(on_cells, "cell", k, out), error, first_node=first_node, old=old)
+    error, number = partial(document.error, place="<Cells>"), numbers_in(on_cells, "cell", k, out)
+    add_cells(out, cells, number, error, first_node=first_node, old=old)
     add_arrays(out, "node", on_nodes, np.arange(first_node, first_node + n) if several else None)
     add_arrays(out, "cell", on_cells, np.arange(first_cell, first_cell + k) if several else None)
     return set(on_cells)
@@ -277,8 +274,8 @@ def _read_cells(document: _Document, piece: XmlElement, n_points: int, k: int) -
         ends = ends[1:]
     if len(ends) != k or len(types) != k:
         raise document.error(f"holds {len(types)} types and {len(ends)} offsets for {k} cells", "<Cells>")
-    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
-    return checked_cells(VtkCells(read["connectivity"], ends, types), n_points, error)
+    cells = VtkCells(read["connectivity"], ends, types)
+    return checked_cells(cells, n_points, partial(document.error, place="<Cells>"))
 
 
 def _read_data(document: _Document, piece: XmlElement, section: str, size: int, out: MeshBuilder) -> dict[str, NDArray]:
@@ -326,11 +323,6 @@ def legal(name: str) -> str:
     return "".join(c if (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "￾￿") else "_" for c in name)
 
 
-def quoted(text: str) -> str:
-    """A text as an attribute of XML, in quotes. (`xml.sax.saxutils` has it too, and brings all of urllib.)"""
-    return f'"{text.translate(_ESCAPED)}"'
-
-
 def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArray]], binary: bool, pack: bool) -> None:
     """Write the XML, and the arrays in it as text, or behind it as bytes."""
     numbers = {VTK_CELLS[kind].number for kind in mesh.cells_by_type}
@@ -348,7 +340,7 @@ def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArr
         put(f"<{section}>\n")
         for name, values in arrays.items():
             width = values.shape[1] if values.ndim == 2 else 1
-            head = f'type="{_NAMES[values.dtype.kind]}{8 * values.dtype.itemsize}" Name={quoted(name)}'
+            head = f'type="{_NAMES[values.dtype.kind]}{8 * values.dtype.itemsize}" Name={quoteattr(name)}'
             head += f' NumberOfComponents="{width}"' if width > 1 else ""
             head += f' NumberOfTuples="{len(values)}"' if section == "FieldData" else ""
             if binary:
@@ -357,7 +349,9 @@ def _write(file: BinaryIO, mesh: Mesh, sections: Mapping[str, Mapping[str, NDArr
                 at += sum(map(len, blobs[-1]))
             else:
                 put(f'<DataArray {head} format="ascii">\n')
-                _write_text(put, values)
+                form = "%d" if values.dtype.kind != "f" else "%.9g" if values.dtype == np.float32 else "%r"
+                for text in in_lines(values.reshape(-1), form, width if values.ndim == 2 else 12):
+                    put(text)
                 put("</DataArray>\n")
         put(f"</{section}>\n")
         if section == "FieldData":
@@ -382,18 +376,6 @@ def _bytes(values: NDArray, pack: bool) -> list[bytes | memoryview]:
     return [np.array(head, "<u8").tobytes(), *blocks]
 
 
-def _write_text(put: Callable[[str], None], values: NDArray) -> None:
-    """Write values as text, one row per line, reals with the fewest digits that read back the same."""
-    form = "%d" if values.dtype.kind != "f" else "%.9g" if values.dtype == np.float32 else "%r"
-    width = values.shape[1] if values.ndim == 2 else 12
-    flat, step = values.reshape(-1), width * max(1, _CHUNK // width)
-    for first, last in pairwise([*range(0, len(flat), step), len(flat)]):
-        part = flat[first:last].tolist()
-        rows, rest = divmod(len(part), width)
-        line = " ".join([form] * width) + "\n"
-        put((line * rows + (" ".join([form] * rest) + "\n" if rest else "")) % tuple(part))
-
-
 # ---- PVD: a list of a VTU file for each time, for ParaView
 
 
@@ -411,6 +393,6 @@ def read_pvd(path: Path) -> dict[float, str]:
 
 def write_pvd(path: Path, files: Mapping[float, str]) -> None:
     """Write a PVD that names the file of each time. Raises WriteError."""
-    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoted(file)}/>\n' for t, file in files.items()]
+    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoteattr(file)}/>\n' for t, file in files.items()]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())

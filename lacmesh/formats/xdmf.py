@@ -18,6 +18,7 @@ same `lacmesh_id`, so that a file whose other half was replaced is noticed.
 from __future__ import annotations
 
 import json
+import math
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -33,10 +34,10 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.arrays import GROUP, NOTE, VtkCells, to_arrays, vtk_cells
 from lacmesh.formats.hdf5 import image, set_attributes
 from lacmesh.formats.med import families_of
-from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
+from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS, XDMF_COUNTED, check_types, file_order, is_plane
 from lacmesh.formats.output import readable
+from lacmesh.formats.text import in_lines
 from lacmesh.formats.vtu import legal
-from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.formats.xdmf_reader import ID, PLACE, read
 from lacmesh.mesh import Ints, Mesh, mask_of
 
@@ -57,11 +58,7 @@ def write(
     `compress`: everything in the HDF5 file, not the groups only. Raises WriteError for a cell that XDMF lacks. What is
     left out is named in a LacmeshWarning.
     """
-    for kind, n in mesh.cells_by_type.items():
-        if kind not in XDMF_CELLS:
-            what = {"PYRAM14": "write them as PYRAM13", "TRIA7": "write a .vtu, .med or .msh file"}.get(kind)
-            message = f"XDMF has no cells of type {kind}, the mesh has {n}; {what or 'write a .vtu or .msh file'}"
-            raise WriteError(path, message)
+    check_types(path, mesh, XDMF_CELLS, "XDMF")
     heavy, link = second or (None, "")
     if readable(link) != link:
         raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")
@@ -102,10 +99,9 @@ class _Sink:
         kind, size = values.dtype.kind, values.dtype.itemsize
         head = f'Dimensions="{" ".join(map(str, values.shape))}" NumberType="{_NUMBERS[kind]}" Precision="{size}"'
         if self.root is None:
-            rows = values.reshape(len(values), -1).tolist() if values.size else []
-            form = str if kind != "f" else repr if size == 8 else "{:.9g}".format
-            text = "\n".join(" ".join(map(form, row)) for row in rows)
-            return f'<DataItem {head} Format="XML">\n{text}\n</DataItem>\n'
+            form = "%d" if kind != "f" else "%r" if size == 8 else "%.9g"
+            text = "".join(in_lines(values.reshape(-1), form, max(1, math.prod(values.shape[1:]))))
+            return f'<DataItem {head} Format="XML">\n{text}</DataItem>\n'
         options = {}
         if (packed or self.compress) and values.size:
             n = max(1, 2**18 // max(1, values[0].size))
@@ -186,7 +182,7 @@ def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', nodes.reshape(-1, n))}</Topology>\n"
     table = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
     for (number, _), kind in kinds.items():
-        table[number] = kind.number, kind.counted
+        table[number] = kind.number, kind.number in XDMF_COUNTED
     of_cell, first = table[cells.types], cells.ends - width
     counted = np.flatnonzero(of_cell[:, 1])
     at = np.concatenate([first, first[counted]])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial, reduce
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -33,7 +34,7 @@ from lacmesh.formats.arrays import (
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
-from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS
+from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS, XDMF_COUNTED
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
 from lacmesh.mesh import Floats, Ints, Mesh, Step, mask_of
 from lacmesh.topology.skin import label_rows
@@ -86,8 +87,8 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         grids = _wanted(source, list(_grids(source, domain)), mesh, out)
         points = _points(source, _only(source, grids[0].children, "Geometry"))
         parts, on_nodes, steps = _parts(source, grids, len(points))
-    error = lambda message, _: source.error(message, "<Geometry>")  # noqa: E731
-    out.nodes(numbers_in(on_nodes, "node", len(points), out), points, error=error)
+    number = numbers_in(on_nodes, "node", len(points), out)
+    out.nodes(number, points, error=partial(source.error, place="<Geometry>"))
     _add_parts(source, parts, out)
     add_arrays(out, "node", on_nodes)
     known = {name for part in parts for name in part.arrays}
@@ -159,7 +160,11 @@ class _Source(NamedTuple):
         shape = None if dimensions is None else tuple(map(int, dimensions.split()))
         try:
             if form == "HDF":
-                values = self._from_hdf5(text)
+                name, _, inside = text.rpartition(":")
+                if not name or not inside.strip("/"):
+                    raise ValueError(f"{text[:60]!r} does not name an array as file:/place")
+                *groups, last = inside.strip("/").split("/")
+                values = dataset(reduce(member, groups, self.hdf5(name)), last)
             elif form == "XML":
                 values = from_text(text, _kind(item))
             elif form == "Binary" and shape is not None:
@@ -171,16 +176,6 @@ class _Source(NamedTuple):
             return values if shape is None else values.reshape(shape)
         except DAMAGE as error:
             raise self.error(f"cannot be read ({error})", parent) from None
-
-    def _from_hdf5(self, text: str) -> NDArray:
-        name, separator, inside = text.rpartition(":")
-        if not separator or not inside.strip("/"):
-            raise ValueError(f"{text[:60]!r} does not name an array as file:/place")
-        group = self.hdf5(name)
-        *groups, last = inside.strip("/").split("/")
-        for link in groups:
-            group = member(group, link)
-        return dataset(group, last)
 
     def _from_bytes(self, item: Element, name: str, count: int) -> NDArray:
         order = {"Native": "=", "Little": "<", "Big": ">"}.get(item.get("Endian", "Native").removesuffix("Endian"))
@@ -337,8 +332,8 @@ def _uniform(source: _Source, topology: Element, name: str, values: Ints) -> Vtk
     if stem == "polygon":
         stem = {"3": "triangle", "4": "quadrilateral"}.get(topology.get("NodesPerElement", ""), stem)
     cell = _OF_NAME.get("_".join([XDMF_ALIASES.get(stem, stem), *([number] if number else [])]))
-    width = len(VTK_CELLS[cell.type].nodes) if cell else 0
-    if cell is None or (cell.counted and topology.get("NodesPerElement", str(width)) != str(width)):
+    width = len(cell.nodes) if cell else 0
+    if cell is None or (cell.number in XDMF_COUNTED and topology.get("NodesPerElement", str(width)) != str(width)):
         raise source.error(f"cells of type {name} are not read", "<Topology>")
     n = len(values) // width
     if len(values) % width:
@@ -350,7 +345,7 @@ def _mixed(source: _Source, values: Ints) -> VtkCells:
     """Cells of a mixture: each is its number, for lines and vertices how many nodes follow, and its nodes."""
     table = np.zeros((max(_OF_NUMBER) + 1, 3), np.int64)  # by XDMF's number: nodes, 1 if their count follows, VTK's
     for number, cell in _OF_NUMBER.items():
-        table[number] = len(VTK_CELLS[cell.type].nodes), cell.counted, VTK_CELLS[cell.type].number
+        table[number] = len(cell.nodes), number in XDMF_COUNTED, VTK_CELLS[cell.type].number
     first, at, listed, lengths = list[int](), 0, values.tolist(), (1 + table[:, 0] + table[:, 1]).tolist()
     while at < len(listed):
         first.append(at)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from lacmesh.deck import Deck, DeckCard, key_of
 from lacmesh.errors import ReadError
-from lacmesh.formats.inp.flat import flattened
+from lacmesh.formats.inp.carry import flattened
 from lacmesh.mesh import Mesh
 from lacsolver.decks.cards import Card, Finding, Lacking, Refused, look_up
 from lacsolver.decks.content import DeckContent
@@ -21,7 +21,7 @@ _PARAMETER = re.compile(r'\s*([^,="]+?)\s*=\s*("[^"]*"|[^,]*?)\s*(?:,|$)')
 def interpret(mesh: Mesh, *, lenient: bool = False) -> DeckContent:
     """Return the content of the deck of a mesh, with a finding for every card that lacsolver does not take.
 
-    A deck of parts and instances is read as one without (`lacmesh.formats.inp.flat`).
+    A deck of parts and instances is read as one without (`lacmesh.formats.inp.carry`).
 
     `lenient`: cards that lacsolver has no place for are left out, with a finding that is no error.
     Raises ReadError for a mesh that was not read from a deck.

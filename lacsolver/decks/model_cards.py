@@ -229,7 +229,7 @@ def contact_pair(deck: DeckContent, card: Card) -> None:
 def _adjust(deck: DeckContent, card: Card) -> float:
     """Return the distance within which nodes of the slave are moved onto the master. Raises Refused."""
     text = card.options["ADJUST"]
-    if key_of(text) in deck.names.deck.node_sets:
+    if key_of(text) in deck.names.deck.groups_of("NSET"):
         message = f"ADJUST={text} names a set of nodes, and lacsolver moves those within a distance"
         raise Refused(f"{message}; give that, as ADJUST=0.01")
     distance = card.number("ADJUST")

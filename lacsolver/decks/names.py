@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.deck import Deck
-from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.elements import FACETS
+from lacmesh.indices import Index
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, cells_of_dim, faces_of, facets_of, find_owners
@@ -39,7 +39,8 @@ class Names:
         """Return the name of a set and its nodes (k,), or "" and the node of a number. Raises Refused."""
         if _is_number(text):
             return "", self._place(self._node_index, text, "node", row)
-        name = self.deck.node_sets[look_up(self.deck.node_sets, text, "set of nodes", row)]
+        sets = self.deck.groups_of("NSET")
+        name = sets[look_up(sets, text, "set of nodes", row)]
         if not len(self.mesh.node_groups[name]):
             raise Refused(f"the set of nodes {name!r} is empty", row)
         return name, np.asarray(self.mesh.node_groups[name])
@@ -76,7 +77,8 @@ class Names:
     def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         if _is_number(text):
             return "", self._place(self._cell_index, text, "element", row)
-        name = self.deck.element_sets[look_up(self.deck.element_sets, text, "set of elements", row)]
+        sets = self.deck.groups_of("ELSET")
+        name = sets[look_up(sets, text, "set of elements", row)]
         return name, np.asarray(self.mesh.cell_groups[name])
 
     def _place(self, index: Index, text: str, what: str, row: DeckLine | None) -> Ints:
@@ -103,7 +105,7 @@ class Names:
         """
         there = self.deck.surface_group(text)
         if there is None:
-            look_up({key: group for (_, key), group in self.deck.surfaces.items()}, text, "surface", row)
+            look_up(self.deck.groups_of("NODE", "ELEMENT"), text, "surface", row)
         assert there is not None
         kind, name = there
         if kind == "NODE":

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtu import quoted
 from lacmesh.mesh import Mesh
 from lacsolver.distributed.share import Share
 from lacsolver.output.names import vtu_file
@@ -46,5 +46,5 @@ def _collection(piece: Path, names: list[str]) -> str:
     lines.append('<PUnstructuredGrid GhostLevel="0">')
     for section, arrays in _SECTION.findall(head):
         lines += [f"<P{section}>", *(f"<PDataArray {array}/>" for array in _ARRAY.findall(arrays)), f"</P{section}>"]
-    lines += [f"<Piece Source={quoted(name)}/>" for name in names]
+    lines += [f"<Piece Source={quoteattr(name)}/>" for name in names]
     return "\n".join([*lines, "</PUnstructuredGrid>", "</VTKFile>", ""])

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
 from lacmesh.formats import read
-from lacmesh.formats.ids import Index
 from lacmesh.formats.vtu import read_pvd
+from lacmesh.indices import Index
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 from lacmesh.surface import Surface
 from lacsolver.output.names import MED, SOLID, contact_stems

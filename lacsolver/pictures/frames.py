@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.formats.ids import Index
 from lacmesh.formats.vtu import read_pvd
 from lacmesh.grids import FLAT, bodies_of, grid_of, outer_faces
+from lacmesh.indices import Index
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
 from lacsolver.pictures.quantities import QUANTITIES, ends_of

@@ -21,8 +21,8 @@ import lacmesh
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, write
+from lacmesh.formats.by_meshio import AT_RISK
 from lacmesh.formats.mail import NODES
-from lacmesh.formats.meshio_checks import AT_RISK
 from lacmesh.formats.registry import FORMATS, OF_NAME
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats import feature_cases as cases

@@ -17,7 +17,7 @@ from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import DataError, GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.exchange.libraries import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import detect_format, read, title_of, write
-from lacmesh.formats.meshio_checks import misplaced_mid_nodes
+from lacmesh.formats.by_meshio import misplaced_mid_nodes
 from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Mesh
 from lacmesh.reference.shapes import shape

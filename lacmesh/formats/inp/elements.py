@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import cache
+from itertools import product
 from typing import NamedTuple
 
 from lacmesh.cells import CELLS
@@ -47,10 +48,16 @@ NODES = {
 _VOLUMES = {4: "TETRA4", 5: "PYRAM5", 6: "PENTA6", 8: "HEXA8", 10: "TETRA10", 15: "PENTA15", 20: "HEXA20", 27: "HEXA27"}
 _SURFACES = {3: "TRIA3", 4: "QUAD4", 6: "TRIA6", 8: "QUAD8", 9: "QUAD9", 65: "TRIA6"}  # 65: STRI65, of 6 nodes
 _LINES = {2: "SEG2", 3: "SEG3"}
-_POINTS = {1: "POI1"}
 
-#: Pattern of the name, cells by the number in it, what the element is, its space.
-_PATTERNS = [
+#: Pattern of the name, its cell, or cells by the number in it, what the element is, its space.
+_PATTERNS: list[tuple[str, str | dict[int, str], int, int]] = [
+    (r"C3D15VH?", "PENTA18", SOLID, 3),
+    (r"(?:B2[13]|PIPE21|RAX2|[DM]?G?AX1|D?SAX1|SFMG?AX1)[HRT]*", "SEG2", LINE, 2),
+    (r"(?:B22|PIPE22|MG?AX2|D?SAX2|SFMG?AX2)[HRT]*", "SEG3", LINE, 2),
+    (r"(?:B3[13]|PIPE31|ELBOW31)[HRTBC]*(?:OSH?)?", "SEG2", LINE, 3),
+    (r"(?:B32|PIPE32|ELBOW32)[HRT]*(?:OSH?)?", "SEG3", LINE, 3),
+    (r"(?:SPRING2|SPRINGA|DASHPOT2|DASHPOTA|JOINTC|GAPUNIT?|GAPCYL|GAPSPHER)", "SEG2", LINE, 0),
+    (r"(?:MASS|ROTARYI|HEATCAP|SPRING1|DASHPOT1)", "POI1", POINT, 0),
     (r"(?:[CFQ]|DC|DCC|AC|COH|GK|EC|PC|CIN)3D(4|5|6|8|10|15|20|27)[RHIMTPESL]*", _VOLUMES, SOLID, 3),
     (r"(?:SC|CSS)(6|8)[RT]*", _VOLUMES, SOLID, 3),
     (r"(?:CPS|CPEG?|CAX|CGAX|DCC?2D|DCC?AX|AC2D|ACAX|COH2D|COHAX|F2D)(3|4|6|8)[RHIMTPES]*", _SURFACES, PLANE, 2),
@@ -60,16 +67,6 @@ _PATTERNS = [
     (r"(?:T3D|RB3D)([23])[HETP]*", _LINES, LINE, 3),
     (r"(?:CONN2D|JOINT2D|FRAME2D)(2?)", _LINES, LINE, 2),
     (r"(?:CONN3D|FRAME3D)(2?)", _LINES, LINE, 3),
-]
-#: Elements whose number of nodes is not what the name says: the pattern, the cell, what it is, its space.
-_NAMED = [
-    (r"C3D15VH?", "PENTA18", SOLID, 3),
-    (r"(?:B2[13]|PIPE21|RAX2|[DM]?G?AX1|D?SAX1|SFMG?AX1)[HRT]*", "SEG2", LINE, 2),
-    (r"(?:B22|PIPE22|MG?AX2|D?SAX2|SFMG?AX2)[HRT]*", "SEG3", LINE, 2),
-    (r"(?:B3[13]|PIPE31|ELBOW31)[HRTBC]*(?:OSH?)?", "SEG2", LINE, 3),
-    (r"(?:B32|PIPE32|ELBOW32)[HRT]*(?:OSH?)?", "SEG3", LINE, 3),
-    (r"(?:SPRING2|SPRINGA|DASHPOT2|DASHPOTA|JOINTC|GAPUNIT?|GAPCYL|GAPSPHER)", "SEG2", LINE, 0),
-    (r"(?:MASS|ROTARYI|HEATCAP|SPRING1|DASHPOT1)", "POI1", POINT, 0),
 ]
 #: Elements that are no cells: networks, couplings, elements of the user.
 NO_CELL = re.compile(r"D[A-Z]{0,7}|DCOUP[23]D|DASHPOTT?|DIST\w*|ESPRNG\w*|U\d+\w*|ISL\w*|IRS\w*|ITS\w*|ITT\w*|PSI\w*")
@@ -82,18 +79,11 @@ def element(name: str) -> DeckElement | None:
     >>> element("C3D20R").type, element("CPS4").space, element("C3D7")
     ('HEXA20', 2, None)
     """
-    for pattern, cell, kind, space in _NAMED:
-        if re.fullmatch(pattern, name):
-            return _element(cell, kind, space)
     for pattern, cells, kind, space in _PATTERNS:
-        match = re.fullmatch(pattern, name)
-        if match:
-            return _element(cells[int(match[1] or 2)], kind, space)
+        if match := re.fullmatch(pattern, name):
+            cell = cells if isinstance(cells, str) else cells[int(match[1] or 2)]
+            return DeckElement(cell, kind, space, NODES.get(cell, tuple(range(CELLS[cell].n_nodes))))
     return None
-
-
-def _element(cell: str, kind: int, space: int) -> DeckElement:
-    return DeckElement(cell, kind, space, NODES.get(cell, tuple(range(CELLS[cell].n_nodes))))
 
 
 #: family -> corners of the faces S1, S2 ... (edges in the plane), by place
@@ -211,13 +201,6 @@ def variant(name: str, cell_type: str, target: str, plane: str | None = None) ->
     return new if known is not None and known.type == cell_type else plain
 
 
-def _is_plain(name: str, cell_type: str, skin: bool) -> bool:
-    """True if a cell is written as this element without a deck: its shape says all of it."""
-    planes = (None, plane_of(name) or "CPS")
-    names = {element_name(cell_type, t, plane, on) for t in TARGETS for plane in planes for on in {False, skin}}
-    return name in names and name != "S8R"  # the only one of Abaqus; CalculiX has S8 as well
-
-
 #: Cards that say where parts begin and end.
 FRAMES = ("PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE", "ENDINSTANCE")
 #: Cards whose content is the mesh's, or that only say where a part of the file begins or ends.
@@ -235,7 +218,12 @@ def losses(deck: Deck, *, formulations: bool = True) -> str:
     known = {name: e for name in names if (e := element(name)) is not None}
     solid = any(e.kind == SOLID for e in known.values())
     skin = {name for name, e in known.items() if solid and e.kind == SHELL and name.startswith(("M3D", "SFM3D"))}
-    shapes = [f"{name} (written as {e.type})" for name, e in known.items() if not _is_plain(name, e.type, name in skin)]
+    shapes = []
+    for name, e in known.items():  # of a plain element, the shape says all: a cell is written as it without a deck
+        ways = product(TARGETS, (None, plane_of(name) or "CPS"), {False, name in skin})
+        plain = {element_name(e.type, *way) for way in ways} - {"S8R"}  # Abaqus has no other; CalculiX has S8 as well
+        if name not in plain:
+            shapes.append(f"{name} (written as {e.type})")
     if shapes:
         parts.append(f"the formulation of the elements {', '.join(shapes)}")
     return f"left out of the deck {deck.path}: {', '.join(parts)}" if parts else ""

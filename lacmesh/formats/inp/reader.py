@@ -5,31 +5,29 @@ from __future__ import annotations
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, key_of, shown_name
+from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, Lines, key_of, shown_name
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.inp.cards import Card, Cards, Members, element_lines, members_of, node_lines
+from lacmesh.formats.inp.cards import NOTE, NOTE_LINE, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
 from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
 from lacmesh.formats.text import values_in_lines
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
-#: Cards that make nodes or elements, or move them, and that are not read.
+#: DeckCards that make nodes or elements, or move them, and that are not read.
 _NOT_READ = {
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY"), "makes nodes"),
     **dict.fromkeys(("ELGEN", "ELCOPY", "SYMMETRICMODELGENERATION"), "makes elements"),
     "NMAP": "moves nodes",
     "SYSTEM": "turns coordinates",
 }
-#: Cards that make sets, and the parameter with the name.
+#: DeckCards that make sets, and the parameter with the name.
 _NAMES = {"NODE": "NSET", "ELEMENT": "ELSET", "NSET": "NSET", "ELSET": "ELSET", "SURFACE": "NAME"}
 #: Whose numbers and names are those of the file.
 _PLAIN = DeckInstance("", "", "", 0, 0)
@@ -56,9 +54,9 @@ class _Reader:
         self.warnings: list[str] = []
         files = Cards(path)
         self.cards, self.start = files.cards, files.start
-        if any(span.values.strip() for span in self.start):
+        if any(line.is_data for lines in self.start for line in lines.each()):
             self.warnings.append("the text before the first keyword line is no card")
-        self.nodes: list[tuple[int, Card, Ints, Floats]] = []  # index of the card, the card, numbers, points
+        self.nodes: list[tuple[int, DeckCard, Ints, Floats]] = []  # index of the card, the card, numbers, points
         self.elements: list[ElementCard] = []
         self.sets: dict[SetKey, NamedSet] = {}
         self.heading: list[str] = []
@@ -79,7 +77,7 @@ class _Reader:
         """Read the cards: those of a part at its instances, or behind all if it has none. Raises ReadError."""
         parts: dict[str, list[int]] = {}
         inside: list[int] | None = None  # cards of the part or the instance that is open
-        instance: Card | None = None
+        instance: DeckCard | None = None
         late: list[int] = []  # sets of an assembly, whose nodes and elements may follow them
         for k, card in enumerate(self.cards):
             name, part = card.options.get("NAME", ""), card.options.get("PART", "")
@@ -105,7 +103,10 @@ class _Reader:
             elif self.instances and card.key in ("NSET", "ELSET", "SURFACE"):
                 late.append(k)
             else:
-                self._read(k, self._of_assembly(card))
+                if self.instances and self.assembly is _PLAIN and card.key in ("NODE", "ELEMENT"):
+                    self.assembly = DeckInstance("", "", "", *self._largest())  # numbers past those of the instances
+                    self.numbers_differ = "the assembly has nodes or elements of its own, whose numbers are raised"
+                self._read(k, self.assembly)
         if instance is not None:
             raise instance.error("this *INSTANCE has no *END INSTANCE")
         if parts and not self.instances:
@@ -128,23 +129,16 @@ class _Reader:
             names.append({(option, key_of(given[option])) for option, given in options if given.get(option)})
         return len(ends) > 1 or bool(names[0] & names[1])
 
-    def _of_assembly(self, card: Card) -> DeckInstance:
-        """By how much numbers of nodes and elements outside parts are raised: past those of the instances."""
-        if self.instances and self.assembly is _PLAIN and card.key in ("NODE", "ELEMENT"):
-            self.assembly = DeckInstance("", "", "", *self._largest())
-            self.numbers_differ = "the assembly has nodes or elements of its own, whose numbers are raised"
-        return self.assembly
-
     def _largest(self) -> tuple[int, int]:
         """The largest number of a node, and of an element; 0 where there is none."""
         nodes = max((int(number.max(initial=0)) for _, _, number, _ in self.nodes), default=0)
         return nodes, max((int(one.number.max(initial=0)) for one in self.elements), default=0)
 
-    def _read_instance(self, card: Card, cards: list[int]) -> None:
+    def _read_instance(self, card: DeckCard, cards: list[int]) -> None:
         """Read the cards of an instance, of its part first. Raises ReadError."""
         name = shown_name(card.options.get("NAME", ""))
         by = self._largest()
-        placement = card.rows()
+        placement = card.rows
         prefix = f"{name}." if self._has_prefixes() else ""
         one = DeckInstance(name, card.options["PART"], prefix, *by, len(placement) > 1)
         before, raised = len(self.nodes), len(self.cards) * len(self.instances)
@@ -165,12 +159,15 @@ class _Reader:
         if card.key in _NOT_READ:
             what = _NOT_READ[card.key]
             raise card.error(f"*{card.name} {what}, which is not read; write all nodes and elements out")
-        if card.key in _HANDLERS:
-            _HANDLERS[card.key](self, index + raised, card, inside)
+        if card.key == "HEADING":
+            self.heading += [row.decode("latin-1").strip() for row in card.rows]
+        elif card.key in _NAMES:
+            read = {"NODE": self._node, "ELEMENT": self._element}.get(card.key, self._set)
+            read(index + raised, card, inside)
 
     # ---- nodes and elements
 
-    def _node(self, index: int, card: Card, inside: DeckInstance) -> None:
+    def _node(self, index: int, card: DeckCard, inside: DeckInstance) -> None:
         number, points = node_lines(card)
         system = card.options.get("SYSTEM", "R").upper()[:1] or "R"
         if system == "S":
@@ -182,7 +179,7 @@ class _Reader:
         if card.options.get("NSET"):
             self._add_to("NSET", card.options["NSET"], card, inside, [Members(number, "node").raised(inside)])
 
-    def _element(self, index: int, card: Card, inside: DeckInstance) -> None:
+    def _element(self, index: int, card: DeckCard, inside: DeckInstance) -> None:
         name, elset = type_of(card.options), card.options.get("ELSET")
         if not name:
             raise card.error("*ELEMENT should say its TYPE")
@@ -190,7 +187,7 @@ class _Reader:
         if known is None:
             if not NO_CELL.fullmatch(name):
                 raise card.error(f"elements of type {name[:40]} are not known to lacmesh; take them out of the file")
-            words = [row.split(b",", 1)[0].strip() for row in card.rows()]
+            words = [row.split(b",", 1)[0].strip() for row in card.rows]
             self._counts[f"{{}} elements of type {name} are no cells, and left out of the mesh"] += len(words)
             self.whole.add(index)
             numbers = (int(word) for word in words if re.fullmatch(rb"[0-9]{1,9}", word))
@@ -214,12 +211,12 @@ class _Reader:
 
     # ---- sets and surfaces
 
-    def _add_to(self, kind: str, name: str, card: Card, inside: DeckInstance, members: list[Members]) -> None:
+    def _add_to(self, kind: str, name: str, card: DeckCard, inside: DeckInstance, members: list[Members]) -> None:
         """Add members to a set, which need not exist yet."""
         at = kind, key_of(inside.prefix) + key_of(name)
         self.sets.setdefault(at, NamedSet(inside.prefix + shown_name(name), card)).members += members
 
-    def _set(self, index: int, card: Card, inside: DeckInstance) -> None:
+    def _set(self, index: int, card: DeckCard, inside: DeckInstance) -> None:
         """Read a set, or a surface."""
         surface = card.key == "SURFACE"
         kind = card.options.get("TYPE", "ELEMENT").upper() if surface else card.key
@@ -238,7 +235,7 @@ class _Reader:
             members.append(Members(card.options["ELSET"], "element"))
         self._add_to(kind, name, card, inside, self._in_mesh(card, members, inside))
 
-    def _in_mesh(self, card: Card, members: list[Members], inside: DeckInstance) -> list[Members]:
+    def _in_mesh(self, card: DeckCard, members: list[Members], inside: DeckInstance) -> list[Members]:
         """Members with the numbers and names of the mesh."""
         name = card.options.get("INSTANCE", "")
         if name and not any(one.key in ("PART", "INSTANCE") for one in self.cards):
@@ -247,22 +244,16 @@ class _Reader:
         if name and _instance_key(name) not in self.instances:
             raise card.error(f"there is no instance named {name}")
         one = self.instances[_instance_key(name)] if name else inside
-        if one.prefix or not self.instances:
-            return [some.raised(one) for some in members]
-        return [self._with_instance(some, one) for some in members]
-
-    def _with_instance(self, members: Members, inside: DeckInstance) -> Members:
-        """Members of a card of the assembly: `I.5` is number 5 of instance I, `I.SET` its set SET."""
-        before, _, rest = members.listed.rpartition(".") if isinstance(members.listed, str) else ("", "", "")
-        one = self.instances.get(_instance_key(before)) if before else None
-        if one is None:
-            return members.raised(inside)
-        if re.fullmatch(r"[0-9]{1,18}", rest.strip()):
-            return members._replace(listed=np.array([int(rest)])).raised(one)
-        return members._replace(listed=rest).raised(one)
-
-    def _heading(self, index: int, card: Card, inside: DeckInstance) -> None:
-        self.heading += [row.decode("latin-1").strip() for row in card.rows()]
+        raised = []
+        for part in members:
+            # in a card of the assembly `I.5` is number 5 of instance I, `I.SET` its set SET
+            before, _, rest = part.listed.rpartition(".") if isinstance(part.listed, str) else ("", "", "")
+            inner = self.instances.get(_instance_key(before)) if before and not one.prefix else None
+            if inner is not None:
+                number = re.fullmatch(r"[0-9]{1,18}", rest.strip())
+                part = part._replace(listed=np.array([int(rest)]) if number else rest)
+            raised.append(part.raised(inner or one))
+        return raised
 
     # ---- the mesh and its deck
 
@@ -270,11 +261,11 @@ class _Reader:
         """Return the mesh, with its deck. Raises ReadError."""
         builder = MeshBuilder(self.path, cell="element")
         for _, card, number, points in self.nodes:
-            builder.nodes(number, points, error=partial(_error, card))
+            builder.nodes(number, points, error=card.error)
         for cells in self.elements:
             rows = cells.nodes[:, np.argsort(cells.element.nodes)]
             index = np.full(len(rows), cells.index)
-            builder.cells(cells.element.type, cells.number, rows, error=partial(_error, cells.card), inp_card=index)
+            builder.cells(cells.element.type, cells.number, rows, error=cells.card.error, inp_card=index)
         resolver = Resolver(self.sets, concatenated(number for _, _, number, _ in self.nodes), self.elements)
         for (kind, key), one in self.sets.items():
             if kind in ("NSET", "ELSET"):
@@ -290,7 +281,13 @@ class _Reader:
             plane=planes.pop() if len(planes) == 1 else "",
             space_dim=3 if solid else 2,
         )
-        mesh = self._with_note(self._with_surfaces(self._with_middle_second(mesh), resolver))
+        mesh = self._with_surfaces(self._with_middle_second(mesh), resolver)
+        parts = [*self.start, *(part for card in self.cards for part in card.body)]
+        text = "".join(line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text))
+        try:
+            mesh = notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
+        except ValueError:
+            self.warnings.append("lacmesh's own note is damaged and left out")
         return replace(mesh, deck=self._deck(mesh))
 
     def _with_surfaces(self, mesh: Mesh, resolver: Resolver) -> Mesh:
@@ -339,16 +336,6 @@ class _Reader:
             blocks.append(block._replace(nodes=nodes))
         return replace(mesh, blocks=tuple(blocks))
 
-    def _with_note(self, mesh: Mesh) -> Mesh:
-        """The mesh with the note of lacmesh in the comments of its files, if there is one."""
-        spans = [*self.start, *(span for card in self.cards for span in card.body)]
-        text = "".join(span.note for span in spans)
-        try:
-            return notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
-        except ValueError:
-            self.warnings.append("lacmesh's own note is damaged and left out")
-            return mesh
-
     def _deck(self, mesh: Mesh) -> Deck:
         """The record of the deck that was read as `mesh`."""
         entries = [(index, card, number) for index, card, number, _ in self.nodes]
@@ -356,18 +343,20 @@ class _Reader:
         entries += [
             (one.index, one.card, one.number)
             for one in self.elements
-            if not self.instances or values_in_lines(one.card.text()).sum() <= one.nodes.size + len(one.number)
+            if not self.instances or values_in_lines(one.card.values).sum() <= one.nodes.size + len(one.number)
         ]
         numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
-        names = {kind: {key: one.shown for (k, key), one in self.sets.items() if k == kind} for kind in OF_KIND}
+        groups = {at: self.sets[at].shown for kind in OF_KIND for at in self.sets if at[0] == kind}
+        cards = []
+        for k, card in enumerate(self.cards):
+            body = card.comments if k in numbers and k not in self.whole else card.body
+            cards.append(replace(card, body=_without_note(body), numbers=numbers.get(k)))
         return Deck(
             str(self.path),
-            tuple(self._card(k, card, numbers.get(k)) for k, card in enumerate(self.cards)),
+            tuple(cards),
             mesh,
-            tuple(span.lines() for span in self.start),
-            names["NSET"],
-            names["ELSET"],
-            {(kind, key): shown for kind in ("NODE", "ELEMENT") for key, shown in names[kind].items()},
+            _without_note(self.start),
+            groups,
             numbers_differ=self.numbers_differ,
             instances=tuple(self.instances.values()),
             instance_numbers=tuple((k % len(self.cards), number, k) for k, _, number in entries)
@@ -376,26 +365,10 @@ class _Reader:
             assembly_offset=(self.assembly.nodes, self.assembly.elements),
         )
 
-    def _card(self, index: int, card: Card, numbers: Ints | None) -> DeckCard:
-        head = card.head.lines()
-        alone = numbers is not None and index not in self.whole
-        body = tuple(span.lines(comments_alone=alone) for span in card.body)
-        return DeckCard(card.name, card.options, head.file, head.line, head.text, body, numbers, index)
 
-
-#: key of a card -> what reads it
-_HANDLERS: Mapping[str, Callable[[_Reader, int, Card, DeckInstance], None]] = {
-    "NODE": _Reader._node,
-    "ELEMENT": _Reader._element,
-    "NSET": _Reader._set,
-    "ELSET": _Reader._set,
-    "SURFACE": _Reader._set,
-    "HEADING": _Reader._heading,
-}
-
-
-def _error(card: Card, message: str, row: int) -> ReadError:
-    return card.error(message)
+def _without_note(parts: tuple[Lines, ...]) -> tuple[Lines, ...]:
+    """Lines without those of lacmesh's note."""
+    return tuple(part._replace(text=NOTE_LINE.sub("", part.text)) if NOTE in part.text else part for part in parts)
 
 
 def _instance_key(name: str) -> str:
@@ -403,10 +376,10 @@ def _instance_key(name: str) -> str:
     return key_of(shown_name(name))
 
 
-def _in_place(card: Card, points: Floats) -> Floats:
+def _in_place(card: DeckCard, points: Floats) -> Floats:
     """Points of a part in the position of its instance: translated, then rotated about an axis (a, b) by degrees."""
     values = []
-    for row in card.rows()[:2]:
+    for row in card.rows[:2]:
         try:
             values.append([float(text) for text in row.split(b",") if text.strip()])
         except ValueError:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.deck import key_of
+from lacmesh.deck import DeckCard, key_of
 from lacmesh.errors import did_you_mean
-from lacmesh.formats.inp.cards import Card, Members
+from lacmesh.formats.inp.cards import Members
 from lacmesh.formats.inp.elements import FACETS, LINE, PLANE, SHELL, SIDES, SOLID, DeckElement
 from lacmesh.joining import with_cells
 from lacmesh.mesh import Ints, Mesh, concatenated, positions
@@ -48,7 +47,7 @@ SetKey = tuple[str, str]
 class ElementCard:
     """Elements of one card: its index, their type, numbers (k,), nodes (k, n) by number."""
 
-    card: Card
+    card: DeckCard
     index: int
     element: DeckElement
     number: Ints
@@ -60,7 +59,7 @@ class NamedSet:
     """A set or a surface: the name of its group, the first of its cards, and its members."""
 
     shown: str
-    card: Card
+    card: DeckCard
     members: list[Members] = field(default_factory=list)
 
 
@@ -74,9 +73,13 @@ class Resolver:
         self._resolved: dict[SetKey, Ints] = {}
         self._open: list[SetKey] = []
 
-    def numbers(self, kind: str, name: str, card: Card) -> Ints:
+    def numbers(self, kind: str, name: str, card: DeckCard) -> Ints:
         """Return the sorted numbers in a set; `card`: the one that refers to it, for the error. Raises ReadError."""
-        at = (kind, self._key(kind, name, card))
+        at = kind, key_of(name)
+        at = at if at in self.sets else (kind, name)  # the name in an instance is one for comparison already
+        if at not in self.sets:
+            shown = [one.shown for (other, _), one in self.sets.items() if other == kind]
+            raise card.error(f"there is no set of {OF_KIND[kind]}s named {name!r}{did_you_mean(name, shown)}")
         if at in self._resolved:
             return self._resolved[at]
         if at in self._open or len(self._open) >= _DEEPEST:
@@ -86,12 +89,15 @@ class Resolver:
         parts: list[Ints] = [np.empty(0, np.int64)]
         for members in one.members:
             listed = self.members(members, one.card)
-            parts.append(self._nodes_of(listed) if OF_KIND[kind] == "node" and members.of == "element" else listed)
+            if OF_KIND[kind] == "node" and members.of == "element":
+                parts += [e.nodes[positions(np.sort(listed), e.number) >= 0].ravel() for e in self.cells]
+            else:
+                parts.append(listed)
         self._open.pop()
         self._resolved[at] = _ordered(np.concatenate(parts))
         return self._resolved[at]
 
-    def members(self, members: Members, card: Card) -> Ints:
+    def members(self, members: Members, card: DeckCard) -> Ints:
         """Return the numbers of some members that exist. Raises ReadError."""
         listed, present = members.listed, self.present[members.of]
         if isinstance(listed, str):
@@ -104,30 +110,6 @@ class Resolver:
         known = positions(present, listed) >= 0
         self.strays += int((~known).sum())
         return listed[known]
-
-    def _key(self, kind: str, name: str, card: Card) -> str:
-        for key in (key_of(name), name):  # the name in an instance is one for comparison already
-            if (kind, key) in self.sets:
-                return key
-        shown = [one.shown for (other, _), one in self.sets.items() if other == kind]
-        raise card.error(f"there is no set of {OF_KIND[kind]}s named {name!r}{did_you_mean(name, shown)}")
-
-    def _nodes_of(self, numbers: Ints) -> Ints:
-        """Sorted numbers of the nodes of the elements `numbers`, all of which must exist."""
-        number, begin, width, nodes = self._rows
-        row = np.searchsorted(number, numbers)
-        count = width[row]
-        places = np.repeat(begin[row] - (np.cumsum(count) - count), count) + np.arange(count.sum())
-        return _ordered(nodes[places])
-
-    @cached_property
-    def _rows(self) -> tuple[Ints, Ints, Ints, Ints]:
-        """Elements sorted by number: the number, where its nodes begin, how many; the nodes of all."""
-        number = concatenated(e.number for e in self.cells)
-        width = concatenated(np.full(e.nodes.shape[0], e.nodes.shape[1]) for e in self.cells)
-        order = np.argsort(number, kind="stable")
-        nodes = concatenated(e.nodes.ravel() for e in self.cells)
-        return number[order], (np.cumsum(width) - width)[order], width[order], nodes
 
 
 def _ordered(numbers: Ints) -> Ints:
@@ -142,7 +124,7 @@ def _ordered(numbers: Ints) -> Ints:
 
 
 #: One face of some cells, sorted indices: its label, "" for all faces that no other cell shares; the cells; its card.
-Sides = tuple[str, Ints, Card]
+Sides = tuple[str, Ints, DeckCard]
 
 
 def with_surfaces(

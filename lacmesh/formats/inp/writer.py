@@ -18,25 +18,23 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.deck import INP_CARD, Deck, DeckCard, Lines, key_of
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import notes
-from lacmesh.formats.ids import repeated
 from lacmesh.formats.inp import elements
 from lacmesh.formats.inp.cards import LARGEST, NOTE
-from lacmesh.formats.inp.carry import Carrier, with_option, without_option
-from lacmesh.formats.inp.flat import NAME, Refusal, flattened
+from lacmesh.formats.inp.carry import NAME, Carrier, Refusal, flattened, with_option, without_option
 from lacmesh.formats.inp.sets import roles_of
-from lacmesh.formats.labels import changes, labels
-from lacmesh.formats.text import int_rows, joined, numbers_in_lines, reals, rows_of_cells
-from lacmesh.formats.writing import file_order, is_plane, left_out
+from lacmesh.formats.notes import left_out
+from lacmesh.formats.orders import file_order, is_plane, numbers_within
+from lacmesh.formats.text import changes, in_lines, labels, node_lines, rows_of_text
+from lacmesh.indices import repeated
 from lacmesh.mesh import Ints, Mesh, mask_of
 
-#: Characters of a real number in both programs; nodes or elements on a line; rows in one go.
-_REAL, _PER_LINE, _ROWS = 20, 16, 1 << 14
+#: Characters of a real number in both programs; nodes or elements on a line.
+_REAL, _PER_LINE = 20, 16
 #: Characters in names, for `labels`; names that Abaqus takes without quotes.
 _ALLOWED = {"calculix": "A-Za-z0-9_-", "abaqus": " !#-~"}
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -81,8 +79,8 @@ def write(
     for one in refused:
         carrier.refuse(*one, "it is left out")
     writer = _Writer(path, carrier, index, target or elements.TARGETS[0], plane, all_cells)
-    with path.open("wb") as file:
-        file.writelines(text.encode(errors="surrogateescape") if isinstance(text, str) else text for text in writer)
+    with path.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file:
+        file.writelines(writer)
     if clauses:
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(clauses)), stacklevel=2)
 
@@ -147,19 +145,20 @@ class _Writer:
         self.mesh, self.deck, self.clauses = carrier.mesh, carrier.deck, carrier.clauses
         element_role, self.parent, self.facet = roles_of(self.mesh, all_cells)
         self.is_element, self.skin = element_role | (index >= 0), self.parent >= 0
-        self.node = self._numbers(self.mesh.node_number, np.ones(self.mesh.n_nodes, bool), "nodes")
-        self.cell = self._numbers(self.mesh.cell_number, self.is_element, "cells")
+        self.node = numbers_within(self.mesh.node_number, 1, LARGEST, "nodes", self.clauses)
+        self.cell = self.mesh.cell_number.astype(np.int64)
+        own = self.cell[self.is_element]
+        self.cell[self.is_element] = numbers_within(own, 1, LARGEST, "cells", self.clauses)
         # behind the last card of the mesh, before the first step, stands what the deck does not have
-        cards = enumerate(self.deck.model)
-        self.last = max((k for k, c in cards if c.key in ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")), default=0)
+        self.last = max((k for k, card in enumerate(self.deck.model) if card.key in _MESH), default=0)
         self.heads: dict[int, DeckCard] = {}  # cards without the sets that are written anew
         self.dropped: set[int] = set()  # index of the cards of these sets
-        self.behind: dict[int, list[str | bytes]] = {}  # sets that stand behind the card of an index
-        for kind, sets in (("NSET", self.deck.node_sets), ("ELSET", self.deck.element_sets)):
-            for key, group in sets.items() if not self.deck.numbers_differ else ():
+        self.behind: dict[int, list[str]] = {}  # sets that stand behind the card of an index
+        for (kind, key), group in self.deck.groups.items() if not self.deck.numbers_differ else ():
+            if kind in ("NSET", "ELSET"):
                 self._plan_set(kind, key, group)
 
-    def __iter__(self) -> Iterator[str | bytes]:
+    def __iter__(self) -> Iterator[str]:
         """Yield the file in pieces. Raises DataError for a line that cannot be carried, WriteError."""
         faces = np.flatnonzero(self.skin & ~self.is_element)
         numbers = {"node_number": self.node, "cell_number": np.where(self.is_element, self.cell, self.mesh.cell_number)}
@@ -170,7 +169,7 @@ class _Writer:
         n_read, start = self.deck.mesh.n_nodes, 0
         for k, original in enumerate(self.deck.cards):
             card = self.heads.get(k, original)
-            written: Iterator[str | bytes] | None = None
+            written: Iterator[str] | None = None
             if self.deck.numbers_differ:  # an unchanged mesh, whose numbers are not those of the cards
                 yield from self.carrier.carried(card)
                 continue
@@ -198,30 +197,17 @@ class _Writer:
                 yield from self._elements_without_card()
                 yield from others
 
-    def _numbers(self, numbers: Ints, which: NDArray[np.bool_], what: str) -> Ints:
-        """Numbers of the mesh; if those of `which` are not distinct, or out of range, these become 1, 2 ..."""
-        numbers = np.asarray(numbers, np.int64)
-        own = numbers[which]
-        if len(own) and (own.min() < 1 or own.max() > LARGEST or repeated(own) is not None):
-            text = f"the numbers of {what} are not distinct from 1 to {LARGEST}: they are 1, 2 ... in the file"
-            self.clauses.append(text)
-            return np.cumsum(which)
-        return numbers
-
     # ---- nodes and elements
 
-    def _nodes(self, head: str, begin: int, end: int) -> Iterator[str | bytes]:
+    def _nodes(self, head: str, begin: int, end: int) -> Iterator[str]:
         """Yield a card of nodes; coordinates have 20 characters at most, as both programs read."""
         yield head
-        for a in range(begin, end, _ROWS):
-            part = slice(a, min(end, a + _ROWS))
-            columns = [list(map(str, self.node[part].tolist()))]
-            columns += [reals(self.mesh.points[part, axis], _REAL) for axis in range(2 if is_plane(self.mesh) else 3)]
-            yield joined(columns, ", ")
+        points = self.mesh.points[begin:end, : 2 if is_plane(self.mesh) else 3]
+        yield from (f"{n}, {', '.join(row)}\n" for n, row in node_lines(self.node[begin:end], points, _REAL))
 
     def _cells(
         self, cells: Ints, name_of: Callable[[str], str | None], head: Callable[[str], str], first: str = ""
-    ) -> Iterator[str | bytes]:
+    ) -> Iterator[str]:
         """Yield cells in their order, a card for each type, that of the element `first` before others.
 
         Raises WriteError for a type without an element.
@@ -242,10 +228,9 @@ class _Writer:
             some = cells[(cells >= self.mesh.offsets[k]) & (cells < self.mesh.offsets[k + 1])]
             nodes = self.mesh.blocks[k].nodes[some - self.mesh.offsets[k]]
             places = list(elements.NODES.get(cell_type, range(nodes.shape[1])))
-            leads = [b"\n"] + [b",\n" if n % _PER_LINE == 0 else b", " for n in range(1, len(places) + 1)]
+            row = "%d" + "".join(",\n%d" if n % _PER_LINE == 0 else ", %d" for n in range(1, len(places) + 1)) + "\n"
             yield head(name)
-            yield from rows_of_cells(self.cell[some], self.node[nodes[:, places]], leads)
-            yield "\n"
+            yield from rows_of_text(row, np.column_stack([self.cell[some], self.node[nodes[:, places]]]))
 
     def _is_as_listed(self, card: DeckCard) -> bool:
         """True for a card whose lines say more than its cells do, and of which no element was replaced, or raised."""
@@ -254,7 +239,7 @@ class _Writer:
         listed = _NONE if card.numbers is None else card.numbers
         return bool(card.data) and same_types and not np.isin(listed, self.carrier.gone).any()
 
-    def _elements(self, card: DeckCard) -> Iterator[str | bytes]:
+    def _elements(self, card: DeckCard) -> Iterator[str]:
         """Yield the elements of a card, and the children of those that were replaced, in cards of its parameters."""
         name = elements.type_of(card.options)
         old = elements.element(name)
@@ -266,11 +251,11 @@ class _Writer:
         yield from self._cells(
             order[self.index[order] == card.index],
             lambda cell_type: elements.variant(name, cell_type, self.target, self.plane),
-            lambda new: (card if new == name else with_option(card, "TYPE", new)).head.rstrip("\r\n"),
+            lambda new: (card if new == name else with_option(card, "TYPE", new)).head,
             name,
         )
 
-    def _elements_without_card(self) -> Iterator[str | bytes]:
+    def _elements_without_card(self) -> Iterator[str]:
         """Yield the elements that the deck has no card for; skin is apart, where all cells are to be elements."""
         flat = (self.plane or self.mesh.plane or "CPS") if is_plane(self.mesh) else None
         order = file_order(self.mesh)
@@ -279,7 +264,7 @@ class _Writer:
             yield from self._cells(
                 order[self.skin[order] == skin],
                 partial(elements.element_name, target=self.target, plane=flat, skin=skin),
-                lambda name: f"*ELEMENT, TYPE={name}",
+                lambda name: f"*ELEMENT, TYPE={name}\n",
             )
         if not self.deck.path and flat and self.mesh.dim == 2 and not (self.plane or self.mesh.plane):
             text = "written as CPS (plane stress); --plane CPE or CAX (plane=) for plane strain or axisymmetry"
@@ -322,16 +307,15 @@ class _Writer:
             text = self._set(kind, name, rest)
             self.behind.setdefault(max(cards, default=self.last), []).extend(text)
 
-    def _set(self, kind: str, name: str, numbers: Ints) -> Iterator[str | bytes]:
+    def _set(self, kind: str, name: str, numbers: Ints) -> Iterator[str]:
         """Yield a card of a set."""
-        yield f"*{kind}, {kind}={name}"
-        yield from numbers_in_lines(numbers, _PER_LINE, b"", b", ")
-        yield "\n"
+        yield f"*{kind}, {kind}={name}\n"
+        yield from in_lines(numbers, "%d", _PER_LINE, ", ")
 
-    def _surface(self, card: DeckCard) -> Iterator[str | bytes] | None:
+    def _surface(self, card: DeckCard) -> Iterator[str] | None:
         """Yield a surface whose faces or nodes changed from the mesh; None if it is carried as it stands."""
         kind, key = card.options.get("TYPE", "ELEMENT").upper(), key_of(card.options.get("NAME", ""))
-        group = self.deck.surfaces.get((kind, key))
+        group = self.deck.groups.get((kind, key)) if kind in ("NODE", "ELEMENT") else None
         if group is None:
             return None
         mesh, read = self.mesh, self.deck.mesh
@@ -339,7 +323,7 @@ class _Writer:
             sets = {self.deck.node_group(line.fields[0]) for line in card.data} & mesh.node_groups.keys()
             known = [read.node_groups[group], *(mesh.node_groups[name] for name in sets if name is not None)]
             more = np.setdiff1d(mesh.node_groups.get(group, _NONE), np.concatenate(known) if card.body else _NONE)
-            texts: list[str | bytes] = [
+            texts: list[str] = [
                 card.head,
                 *(part.text for part in card.body),
                 *(f"{n}\n" for n in self.node[more].tolist()),
@@ -352,14 +336,14 @@ class _Writer:
         same = np.array_equal(np.sort(mesh.cell_number[members]), np.sort(read.cell_number[read.cell_groups[group]]))
         if not len(skin) or (card.body and same and not new.any()):
             return None
-        return chain([card.head.rstrip("\r\n")], self._faces(skin))
+        return chain([card.head], self._faces(skin))
 
-    def _faces(self, skin: Ints) -> Iterator[str | bytes]:
+    def _faces(self, skin: Ints) -> Iterator[str]:
         """Yield the faces of skin cells, each once: the number of an element and the face's label."""
         at = np.unique(self.parent[skin] * 8 + self.facet[skin])
         parent, facet = at // 8, at % 8
         shells = self.mesh.dim == 2 and not is_plane(self.mesh)  # Abaqus counts their edges from E1, CalculiX from S3
-        letter = b"E" if shells and self.target == "abaqus" else b"S"
+        letter = "E" if shells and self.target == "abaqus" else "S"
         label = np.full(len(at), 3 if shells and self.target == "calculix" else 1)
         block = np.searchsorted(self.mesh.offsets, parent, side="right") - 1
         for b in np.unique(block).tolist():
@@ -367,21 +351,19 @@ class _Writer:
                 elements.FACETS[CELLS[self.mesh.blocks[b].type].family]
             )  # our facet -> its place among S1, S2 ...
             label[block == b] += place[facet[block == b]]
-        yield int_rows(np.stack([self.cell[parent], label], axis=1), [b"\n", b", " + letter])
-        yield b"\n"
+        yield from rows_of_text(f"%d, {letter}%d\n", self.cell[parent], label)
 
     # ---- groups that the deck does not have
 
-    def _other_groups(self) -> Iterator[str | bytes]:
+    def _other_groups(self) -> Iterator[str]:
         """Yield element sets, surfaces and node sets of these groups; what is lost goes to the warning.
 
         Cells of a group that are skin, or no elements, give a set of nodes.
         """
-        mesh, surfaces = self.mesh, self.deck.surfaces.items()
-        known = {*self.deck.element_sets.values(), *(group for (kind, _), group in surfaces if kind == "ELEMENT")}
-        known_nodes = {*self.deck.node_sets.values(), *(group for (kind, _), group in surfaces if kind == "NODE")}
-        cells = {name: members for name, members in mesh.cell_groups.items() if name not in known}
-        nodes = {name: members for name, members in mesh.node_groups.items() if name not in known_nodes}
+        mesh = self.mesh
+        known = {(kind in ("NSET", "NODE"), group) for (kind, _), group in self.deck.groups.items()}
+        cells = {name: members for name, members in mesh.cell_groups.items() if (False, name) not in known}
+        nodes = {name: members for name, members in mesh.node_groups.items() if (True, name) not in known}
         own = {name: mesh.nodes_on(some[self.skin[some] | ~self.is_element[some]]) for name, some in cells.items()}
         of_cells = {name: some for name, some in own.items() if len(some)}
         label_of, clash_label = self._labels({**cells, **nodes}, of_cells)
@@ -389,7 +371,7 @@ class _Writer:
             if len(some := members[self.is_element[members]]):
                 yield from self._set("ELSET", label_of[name], self.cell[some])
             if len(some := members[self.skin[members]]):
-                yield f"*SURFACE, NAME={label_of[name]}, TYPE=ELEMENT"
+                yield f"*SURFACE, NAME={label_of[name]}, TYPE=ELEMENT\n"
                 yield from self._faces(some)
         sets = {label_of[name]: some for name, some in nodes.items() if len(some)}
         sets |= {clash_label.get(name, label_of[name]): some for name, some in of_cells.items()}

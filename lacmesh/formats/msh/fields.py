@@ -63,7 +63,7 @@ def read_rows(source: MshSource, section: str) -> Rows:
             raise ValueError("not a number")
     except ValueError:
         raise source.error(f"{quoted(reals[0][:40])!r} should be a time", at) from None
-    if not 1 <= width <= source.size or n < 0:
+    if not 1 <= width <= min(source.size, 2**27) or n < 0:  # numpy's types have 2 GB at most
         raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
     head = Head(SECTIONS[section], quoted(strings[0]), step, time)
     source.begin(section)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import fields
 from lacmesh.formats.msh.streams import MshSource, physical_names, unnamed
 from lacmesh.formats.notes import DAMAGED, boundary_of, integers, noted_fields, parse
-from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag, places_of
+from lacmesh.indices import Index
+from lacmesh.mesh import Ints, Mesh, Tag, places_of
 
 #: Versions that we read -> the layout they have.
 LAYOUTS = {"2": "2.2", "2.0": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}
@@ -48,23 +48,24 @@ class Elements:
     entity: Any
     partition: int | Ints = -1
     groups: tuple[Tag, ...] = ()
-    physical: Ints | None = None
+    physical: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     at: Ints | None = None
 
 
 class MshReader:
     """Reads the sections of one file; `read_section` reads those that differ between versions.
 
-    `elements`, `links` and `boundary` are what these give, `members`: numbers of cells in physical groups that single
-    elements name. `dropped`: what a mesh has no place for. `repeats` (2, m): elements of msh 2.2 that repeat a cell for
-    a further group: their number and the cell's. `n_partitions`: parts of the whole mesh, 0 where the file says none.
+    These give `elements`, and `links` and `boundary`, as in a note. `members`: numbers of cells in physical groups that
+    single elements name. `dropped`: what a mesh has no place for. `repeats` (2, m): elements of msh 2.2 that repeat a
+    cell for a further group: their number and the cell's. `n_partitions`: parts of the whole mesh, 0 where the file
+    says none.
     """
 
     def __init__(self, source: MshSource) -> None:
         self.source, self.out = source, MeshBuilder(source.path)
         self.elements: list[Elements] = []
-        self.links: list[tuple[Tag, Tag, tuple[float, ...], Ints]] = []
-        self.boundary: dict[Tag, tuple[int, ...]] = {}
+        self.links: list[tuple[Any, ...]] = []
+        self.boundary: list[tuple[Any, ...]] = []
         self.members: list[tuple[Tag, Ints]] = []
         self.repeats: Ints = np.empty((2, 0), np.int64)
         self.n_partitions = 0
@@ -115,19 +116,13 @@ class MshReader:
                 self._rows[k] = rows._replace(number=np.where(place < 0, rows.number, self.repeats[1][place]))
         steps = fields.add_to(out, source, self._rows, note.get("fields", ()))
         out.note = {key: note[key] for key in _FIELDS if key in note}
-        mesh = out.mesh(group_tags=group_tags, steps=steps)
-        boundary = self.boundary or note.get("boundary", {})
-        if not boundary and not self.links:
-            return mesh
-        index, links = Index(mesh.node_number), []
-        for slave, master, affine, pairs in self.links:
-            places = index.places(pairs)
-            links.append(Periodic(slave, master, affine, places[(places >= 0).all(axis=1)]))
-        return replace(mesh, model=Model(boundary, tuple(links)))
+        if (boundary := self.boundary or note.get("boundary", [])) or self.links:
+            out.note["model"] = {"boundary": boundary, "periodic": self.links}
+        return out.mesh(group_tags=group_tags, steps=steps)
 
     def error(self, section: str) -> Any:
         """Return the function that makes the error of a message about a section."""
-        return lambda message, _: self.source.error(message, self._starts[section])
+        return lambda message: self.source.error(message, self._starts[section])
 
     def check_tag(self, dim: int, tag: int) -> Tag:
         """Return an entity's dimension and tag. Raises ReadError."""
@@ -275,7 +270,7 @@ def _read_note(source: MshSource) -> dict[str, Any]:
         ]
         if "node_entity" in note:
             note["node_entity"] = integers(note["node_entity"], (-1, 3))
-        note["boundary"] = boundary_of(note.get("boundary", ()))
+        boundary_of(note.get("boundary", ()))
         for field in note.get("fields", ()):
             integers([field["step"], field["number"], field["order"], *(field["shape"] or ())])
             {field["on"], field["field"], field["name"], field["key"], field["integer"]}

@@ -6,19 +6,18 @@ only their own counts delimit; section names and lines of text stay text.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
-from lacmesh.formats.ids import CHUNK
-from lacmesh.formats.source import SourceFile
-from lacmesh.formats.text import bad_line, decoded, parsed
+from lacmesh.formats.text import SourceFile, bad_line, decoded, distinct_names, parsed, rows_of_text
+from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints, Tag
 
 #: kind of a number -> numpy's type of it in a binary file: int, size_t (2^63 and more come out negative) and double
@@ -136,12 +135,9 @@ class MshSource(SourceFile):
             if not (number == table[:, 0]).all() or np.abs(table[:, 0]).max(initial=0.0) >= _TOO_LARGE:
                 raise self.error(f"the number of a {what} should be an integer")
             return number, table[:, 1:]
-        size = 4 + 8 * width  # numpy's types hold no record of very many components
-        raw = self.records(n, size)
-        if not n:
-            return np.empty(0, np.int64), np.empty((0, width))
-        number = np.ndarray((n,), self.order + "i4", raw.data, 0, (size,))
-        return number, np.ndarray((n, width), self.order + "f8", raw.data, 4, (size, 8))
+        dtype = np.dtype([("number", self.order + "i4"), ("values", self.order + "f8", (width,))])
+        rows = self.records(n, dtype.itemsize).reshape(-1).view(dtype)
+        return rows["number"], rows["values"]
 
     def records(self, n: int, size: int) -> NDArray[np.uint8]:
         """The next n records of a binary file, of `size` bytes each, a view (n, size). Raises ReadError as `take`."""
@@ -207,20 +203,17 @@ class Output:
 
     def rows(self, types: Sequence[str], *tables: NDArray) -> None:
         """Write rows of tables (n,) or (n, m) side by side; `types`: numpy's type of each in binary."""
+        if not self.binary:
+            width = sum(math.prod(table.shape[1:]) for table in tables)
+            for text in rows_of_text(" ".join(["%r"] * width) + "\n", *tables):
+                self.text(text)
+            return
+        layout = [(str(k), kind, table.shape[1:]) for k, (kind, table) in enumerate(zip(types, tables, strict=True))]
         for a in range(0, len(tables[0]), CHUNK):
-            parts = [table[a : a + CHUNK] for table in tables]
-            if self.binary:
-                layout = [
-                    (str(k), kind, part.shape[1:]) for k, (kind, part) in enumerate(zip(types, parts, strict=True))
-                ]
-                record = np.empty(len(parts[0]), layout)
-                for k, part in enumerate(parts):
-                    record[str(k)] = part
-                self.array(record)
-            else:
-                columns = [column.tolist() for part in parts for column in part.reshape(len(part), -1).T]
-                line = " ".join(["%r"] * len(columns)) + "\n"
-                self.text(line * len(parts[0]) % tuple(chain.from_iterable(zip(*columns, strict=True))))
+            record = np.empty(len(tables[0][a : a + CHUNK]), layout)
+            for k, table in enumerate(tables):
+                record[str(k)] = table[a : a + CHUNK]
+            self.array(record)
 
 
 # ---- names: between double quotes, on one line; the true ones are kept in our note. gmsh (4.15) reads a line of 255
@@ -237,24 +230,14 @@ def safe_names(names: Iterable[str]) -> dict[str, str]:
     """Name in the file for each name: without quotes and control characters, not too long, distinct and not empty.
 
     >>> safe_names(["slave", 'a "b"', "a 'b'"])
-    {'slave': 'slave', 'a "b"': "a 'b'~2", "a 'b'": "a 'b'"}
+    {'slave': 'slave', 'a "b"': "a 'b'_2", "a 'b'": "a 'b'"}
     """
-    names = list(dict.fromkeys(names))
-    safe = {name: _safe(name) for name in names}
-    used = {name for name in names if safe[name] == name}
-    for name in names:
-        if safe[name] != name:
-            stem, k = safe[name], 2
-            while safe[name] in used:
-                safe[name], k = f"{stem}~{k}", k + 1
-            used.add(safe[name])
-    return safe
 
+    def plain(name: str) -> str:
+        short = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]", "_", name).replace('"', "'")
+        return short.encode()[:_LONGEST].decode("utf-8", "ignore") or "_"
 
-def _safe(name: str) -> str:
-    short = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]", "_", name).replace('"', "'")
-    short = short.encode()[:_LONGEST].decode("utf-8", "ignore")
-    return short or "_"
+    return distinct_names(names, plain, _LONGEST)
 
 
 def physical_names(source: MshSource) -> list[tuple[int | None, int, str]]:

@@ -7,19 +7,18 @@ for each of them: such elements are made one cell again. We write it once, with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
-from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import Output
-from lacmesh.formats.writing import file_order
+from lacmesh.formats.orders import file_order
+from lacmesh.indices import by_value, repeated
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints, Mesh, Tag, concatenated
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated, positions
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
@@ -53,21 +52,19 @@ class Reader2(MshReader):
         number = concatenated(e.number for e in self.elements)
         twice, further = (repeated(number) if number.min(initial=1) > 0 else None), list[tuple[Tag, Ints]]()
         if twice is not None:
-            raise self.error("Elements")(f"two cells have the number {twice}", 0)
+            raise self.error("Elements")(f"two cells have the number {twice}")
         for e in self.elements:
-            repeats, tags = _merge(e)
+            dim, (repeats, tags) = ALL_CELLS[e.type].dim, _merge(e)
             self.repeats = np.concatenate([self.repeats, repeats], axis=1)
-            self.members += _by_value(ALL_CELLS[e.type].dim, e.physical, e.number)
-            further += _by_value(ALL_CELLS[e.type].dim, tags, repeats[1])
+            self.members += (((dim, tag), some) for tag, some in by_value(e.physical, e.number) if tag)
+            further += (((dim, tag), some) for tag, some in by_value(tags, repeats[1]) if tag)
         self.members += further
         n_merged = self.repeats.shape[1]
         if not n_merged:
             return
-        places = concatenated(e.at for e in self.elements if e.at is not None)
-        rank = np.empty(int(places.max()) + 1, np.int64)
-        rank[np.sort(places)] = np.arange(len(places))
+        places = np.sort(concatenated(e.at for e in self.elements if e.at is not None))
         for e in self.elements:
-            e.at = rank[e.at]
+            e.at = positions(places, e.at) if e.at is not None else None
         self.out.warnings.append(
             f"{n_merged} elements repeat another one for a further physical group, as gmsh writes overlapping "
             "groups in msh 2.2: each is one cell with its group"
@@ -93,14 +90,10 @@ class Reader2(MshReader):
         """Raise the ReadError for what stands where an element should."""
         source = self.source
         source.take("int", len(head))
-        if source.binary and source.data[source.position - 12 : source.position - 4].lstrip().startswith(b"$End"):
-            raise source.here(f"$Elements ends too early: {left} more elements were announced")
-        kind, follow, n_tags = (head if source.binary else [head[1], 1, head[2]]) if len(head) == 3 else (-1, 0, 0)
-        if len(head) == 3 and kind not in TYPE_NAMES:
+        early = source.binary and source.data[source.position - 12 : source.position - 4].lstrip().startswith(b"$End")
+        if len(head) == 3 and not early and (kind := head[0 if source.binary else 1]) not in TYPE_NAMES:
             raise source.here(UNKNOWN_TYPE.format(kind))
-        if len(head) == 3 and not (1 <= follow <= left and n_tags >= 0):
-            raise source.here(f"no element has {n_tags} tags, or {follow} of them do not follow")
-        raise source.here(f"the elements end too early: {left} more were announced")
+        raise source.here(f"the elements end too early, or no element stands here: {left} more were announced")
 
     def _elements(self, name: str, at: Ints, table: Ints, start: Ints, n_tags: Ints) -> Elements:
         """The elements of one type, whose numbers are at `start`, their tags behind these. Raises ReadError."""
@@ -132,15 +125,10 @@ class Reader2(MshReader):
             if n == -16:
                 affine = tuple(source.take("real", 16).tolist())
                 n = int(source.take("int", 1)[0])
-            if (
-                n < 0
-                or not 0 <= dim <= 3
-                or max(abs(slave), abs(master)) > LARGEST_TAG
-                or not np.isfinite(affine).all()
-            ):
+            self.check_tag(dim, slave), self.check_tag(dim, master)
+            if n < 0 or not np.isfinite(affine).all():
                 raise source.here("this is no periodic link")
-            pairs = source.take("int", 2 * n).reshape(n, 2)
-            self.links.append(((dim, slave), (dim, master), affine, pairs))
+            self.links.append((dim, slave, dim, master, affine, source.take("int", 2 * n)))
 
 
 @kernel
@@ -171,22 +159,13 @@ def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: igno
     return n_found, place
 
 
-def _by_value(dim: int, tags: Ints | None, numbers: Ints) -> Iterator[tuple[Tag, Ints]]:
-    """Yield each physical group other than 0 of elements of a dimension, and the numbers of those in it."""
-    assert tags is not None
-    order = np.argsort(tags, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(tags[order])) + 1):
-        if len(rows) and tags[rows[0]]:
-            yield (dim, int(tags[rows[0]])), numbers[rows]
-
-
 def _merge(e: Elements) -> tuple[Ints, Ints]:
     """Remove elements that repeat another one for a further group; return `MshReader.repeats` and their groups' tags.
 
     Repeats have the same nodes in the same order and the same entity, and each another group; the smallest number is
     kept.
     """
-    assert e.physical is not None and e.at is not None
+    assert e.at is not None
     rows = np.flatnonzero(e.physical)
     if not len(rows) or e.physical.min() == e.physical.max():
         return np.empty((2, 0), np.int64), np.empty(0, np.int64)

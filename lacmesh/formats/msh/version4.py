@@ -10,10 +10,10 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
-from lacmesh.formats.ids import CHUNK
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import MshSource, Output
-from lacmesh.formats.writing import file_order
+from lacmesh.formats.orders import file_order
+from lacmesh.indices import CHUNK
 from lacmesh.mesh import Floats, Ints, Mesh, Tag, mask_of
 
 
@@ -59,7 +59,7 @@ class Reader4(MshReader):
             if entity.parent is not None and entity.parent[0] == e.entity[0]:
                 e.entity = entity.parent
         if any(e.boundary for e in self._entities.values()) or not self._used.issuperset(self._entities):
-            self.boundary = {tag: e.boundary for tag, e in self._entities.items()}
+            self.boundary = [(*tag, e.boundary) for tag, e in self._entities.items()]
 
     def _read_entities(self) -> None:
         for dim, n in enumerate(self.source.counts(4)):
@@ -137,8 +137,8 @@ class Reader4(MshReader):
             if not np.isfinite(affine).all():
                 raise source.here("the map of a periodic link is not finite")
             (n,) = source.counts(1)
-            pairs = source.take("size", 2 * n).astype(np.int64).reshape(n, 2)
-            self.links.append((self.check_tag(dim, slave), self.check_tag(dim, master), affine, pairs))
+            pairs = source.take("size", 2 * n).astype(np.int64)
+            self.links.append((*self.check_tag(dim, slave), *self.check_tag(dim, master), affine, pairs))
 
 
 # ---- writing
