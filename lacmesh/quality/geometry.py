@@ -1,4 +1,4 @@
-"""Measures that lacmesh computes, of cells of dimension 2 and 3: corner and scaled Jacobian, edge ratio, angles, size.
+"""Measures that lacmesh computes, of cells of dimension 2 and 3: corner Jacobian, edge ratio, angles.
 
 The corner Jacobian is one number for the quality of a cell, scaled for each type to 1 for its ideal cell. At a corner
 the tangents of the edges are normalised and their determinant is computed (Knupp, Int. J. Numer. Meth. Engng 48, 2000);
@@ -11,9 +11,6 @@ The edge ratio compares the lengths of the curved edges. The angle at a corner o
 edges; a dihedral angle of a solid is that between two facets at either end of their common edge, measured between the
 planes that are tangent to the edges there. All are in degrees, 0 to 180, without sign. Corners with an edge of zero
 length are left out; NaN if all are.
-
-Scaled Jacobian, aspect ratio, area and volume of linear cells are Verdict's (Stimpson et al., *The Verdict Library
-Reference Manual*, SAND2007-1751, 2007), also in what they give where a definition divides by nothing.
 
 Notation: a *way* 2 e + s runs along edge e from its end s; x (3, n, k) are the nodes of k cells, components first.
 """
@@ -35,29 +32,19 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality.determinant import as_points, by_pieces
 from lacmesh.reference.vectors import cross, dot, norm, over
 
-#: Verdict's infinity, and what it reports where a definition divides by nothing
-LARGEST = 1e30
-#: round-off relative to the quantities that a number is made of (Verdict takes it absolute, in the mesh's own unit)
-ROUND_OFF = float(10 * np.finfo(float).eps)
-_ROOT_2, _ROOT_3, _ROOT_6 = 2**0.5, 3**0.5, 6**0.5
 #: family -> the square of the determinant at a corner of its ideal cell
 _IDEAL = {"TRIA": 0.75, "QUAD": 1.0, "TETRA": 0.5, "HEXA": 1.0, "PENTA": 0.75, "PYRAM": 0.5}
 #: points and weights that measure a curved edge, on [0, 1] (Gauss, 3 points)
 _GAUSS = tuple(zip(0.5 + np.sqrt(0.15) * np.array([-1, 0, 1]), np.array([5, 8, 5]) / 18, strict=True))
-#: the four ways to take three corners of a pyramid's base, and the apex
-_PYRAMID_TETRAHEDRA = ((0, 1, 2, 4), (0, 2, 3, 4), (0, 1, 3, 4), (1, 2, 3, 4))
-#: type -> the aspect ratio of its ideal cell before it is scaled, and the size of the box around it over its own
-_ASPECT = {"TRIA3": (4 * _ROOT_3, 2), "QUAD4": (4.0, 1), "TETRA4": (6 * _ROOT_6, 6)}
 
 
 class Corners(NamedTuple):
-    """Corners of a cell type. `facets` (f, 4): those of each facet, of a surface its own; the first again after three.
+    """Corners of a cell type. `planes` (m, 2): the ways along both edges at each corner of each facet, or of a surface.
 
-    `planes` (m, 2): the ways along both edges at each corner of each facet. `frames` (c, 2): a plane at each corner of
-    a solid, and the way out of it. `angles` (a, 2): for each angle of a solid its two planes, at an end of an edge.
+    `frames` (c, 2): a plane at each corner of a solid, and the way out of it. `angles` (a, 2): for each angle of a
+    solid its two planes, at an end of an edge.
     """
 
-    facets: Ints
     planes: Ints
     frames: Ints
     angles: Ints
@@ -81,9 +68,8 @@ def corners_of(name: str) -> Corners:
         for three in combinations([w for ends, w in way.items() if ends[0] == c], 3):  # an apex has four of them
             k = next(k for k, pair in enumerate(planes) if set(pair) < set(three))
             frames.append((k, *set(three) - set(planes[k])))
-    facets = [t + t[:1] if len(t) == 3 else t for t in circles]
     angles = list(at_end.values()) if cell.dim == 3 else []
-    return Corners(np.array(facets), *(np.array(rows, int).reshape(-1, 2) for rows in (planes, frames, angles)))
+    return Corners(*(np.array(rows, int).reshape(-1, 2) for rows in (planes, frames, angles)))
 
 
 class Shapes:
@@ -146,12 +132,6 @@ class Shapes:
             cosines = np.where(dot(a, a) * dot(b, b) > 0, dot(a, b), np.nan)
         return np.clip(np.stack([np.fmin.reduce(cosines), np.fmax.reduce(cosines)]), -1.0, 1.0)
 
-    @cached_property
-    def facet_normals(self) -> Floats:
-        """(3, facets, k): normal of each facet of a linear cell, of a surface its own, as long as twice the area."""
-        a, b, c, d = (self.x[:, nodes] for nodes in self.corners.facets.T)
-        return cross(c - a, d - b)
-
 
 def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
     """(k,): least scaled Jacobian over the corners of cells with nodes at x (k, n_nodes, 3); 1 ideal, <= 0 invalid.
@@ -179,8 +159,8 @@ def own_measures(name: str, points: Floats, nodes: Ints, measures: Iterable[str]
     """Return some measures of `OWN`, (c,) each, of cells with `nodes` (c, n) among points (p, 3).
 
     >>> x, nodes = np.array(CELLS["TETRA4"].reference), np.arange(4)[None]
-    >>> own_measures("TETRA4", x, nodes, ["min_dihedral", "volume"])
-    {'min_dihedral': array([54.73561032]), 'volume': array([0.16666667])}
+    >>> own_measures("TETRA4", x, nodes, ["min_dihedral", "edge_ratio"])
+    {'min_dihedral': array([54.73561032]), 'edge_ratio': array([1.41421356])}
     """
     names = list(measures)
 
@@ -209,90 +189,6 @@ def _edge_ratio(cells: Shapes) -> Floats:
     return np.where(shortest > 0, cells.lengths.max(axis=0) / shortest, np.inf)
 
 
-def _scaled_triangle(cells: Shapes) -> Floats:
-    """Area over the largest product of two edges."""
-    twice, (a, b, c) = norm(cells.facet_normals[:, 0]), cells.lengths
-    twice = np.where(twice > ROUND_OFF * cells.lengths.max(axis=0) ** 2, twice, 0.0)
-    return over(2 / _ROOT_3 * twice, np.maximum(np.maximum(a * b, b * c), c * a))
-
-
-def _scaled_quadrangle(cells: Shapes) -> Floats:
-    """Least component along the normal at the centre of the product of the edges at a corner, over their lengths.
-
-    Where the last two nodes coincide, that of the triangle.
-    """
-    edges, lengths, centre = cells.tangents[0], cells.lengths, cells.facet_normals[:, 0]
-    centre = over(centre, norm(centre))  # before the product, as in Verdict: at 180 degrees round-off decides
-    alpha = dot(centre[:, None], cross(np.roll(edges, 1, axis=1), edges))
-    least = over(alpha, np.roll(lengths, 1, axis=0) * lengths).min(axis=0)
-    return np.where(lengths[2] == 0, _scaled_triangle(Shapes("TRIA3", cells.x[:, :3])), least)
-
-
-def _scaled_tetrahedron(cells: Shapes) -> Floats:
-    """Determinant over the largest product of three edges at a corner, times sqrt(2)."""
-    a, b, c = (cells.x[:, k] - cells.x[:, 0] for k in (1, 2, 3))
-    det = dot(a, cross(b, c))
-    at = [[k for k, edge in enumerate(cells.cell.edges) if corner in edge] for corner in range(4)]
-    return np.asarray(_ROOT_2 * det / np.maximum(cells.lengths[at].prod(axis=1).max(axis=0), np.abs(det)))
-
-
-def _scaled_hexahedron(cells: Shapes) -> Floats:
-    """Least determinant of the directions at a corner, or of the principal axes; NaN if an edge has no length."""
-    X, Y, Z = np.moveaxis(np.array(cells.cell.reference).T @ cells.x, 1, 0)
-    centre = dot(X, cross(Y, Z)) / (norm(X) * norm(Y) * norm(Z))
-    return np.where((cells.lengths > 0).all(axis=0), np.minimum(centre, cells.determinants.min(axis=0)), np.nan)
-
-
-def _scaled_prism(cells: Shapes) -> Floats:
-    """Least determinant of the directions at the corners that have edges, times 2 / sqrt(3)."""
-    plane, way = cells.corners.frames.T
-    has_edges = (cells.lengths[np.column_stack([way, cells.corners.planes[plane]]) // 2] > 0).all(axis=1)
-    least = np.where(has_edges, cells.determinants, np.inf).min(axis=0)
-    return np.where(has_edges.any(axis=0), 2 / _ROOT_3 * least, -LARGEST)
-
-
-def _scaled_pyramid(cells: Shapes) -> Floats:
-    """The least of four tetrahedra over the base, times sqrt(2), mirrored at 1; 0 where negative."""
-    parts = [_scaled_tetrahedron(Shapes("TETRA4", cells.x[:, list(four)])) for four in _PYRAMID_TETRAHEDRA]
-    least = _ROOT_2 * np.maximum(np.fmin.reduce(parts), 0.0)
-    return np.minimum(least, 2 - least)
-
-
-_SCALED: Mapping[str, Callable[[Shapes], Floats]] = {
-    "TRIA3": _scaled_triangle,
-    "QUAD4": _scaled_quadrangle,
-    "TETRA4": _scaled_tetrahedron,
-    "HEXA8": _scaled_hexahedron,
-    "PENTA6": _scaled_prism,
-    "PYRAM5": _scaled_pyramid,
-}
-
-
-def _aspect_ratio(cells: Shapes) -> Floats:
-    """Longest edge times the sum of the edges over the area; of a tetrahedron, times the area over the volume."""
-    solid, (ideal, box) = cells.cell.dim == 3, _ASPECT[cells.name]
-    longest, size = cells.lengths.max(axis=0), np.abs(_volume(cells)) if solid else _area(cells)
-    around = (norm(cells.facet_normals) / 2 if solid else cells.lengths).sum(axis=0)
-    size = np.where(box * size > ROUND_OFF * longest**cells.cell.dim, size, 0.0)
-    aspect = longest * around / (ideal * size)
-    return np.where(np.isnan(aspect), -LARGEST, aspect) if cells.name == "QUAD4" else aspect  # a point: 0 / 0
-
-
-def _area(cells: Shapes) -> Floats:
-    return norm(cells.facet_normals[:, 0]) / 2
-
-
-def _volume(cells: Shapes) -> Floats:
-    """Volume of the map of a linear solid cell: cones from node 0 over triangles around the centres of its facets."""
-    x = cells.x - cells.x[:, :1]
-    return np.asarray(dot(cells.facet_normals, x[:, cells.corners.facets].mean(axis=2)).sum(axis=0) / 6)
-
-
-def _bounded(value: Floats) -> Floats:
-    """Value clipped to [-LARGEST, LARGEST]; NaN, where the definition is void, becomes LARGEST."""
-    return np.where(np.isnan(value), LARGEST, np.clip(value, -LARGEST, LARGEST))
-
-
 _LEAST_ANGLE, _LARGEST_ANGLE = (lambda cells, row=row: np.degrees(np.arccos(cells.cosines[row])) for row in (1, 0))
 #: name -> the measure (k,) of some cells
 OWN: Mapping[str, Callable[[Shapes], Floats]] = MappingProxyType(
@@ -303,9 +199,5 @@ OWN: Mapping[str, Callable[[Shapes], Floats]] = MappingProxyType(
         "max_dihedral": _LARGEST_ANGLE,
         "min_corner_angle": _LEAST_ANGLE,
         "max_corner_angle": _LARGEST_ANGLE,
-        "scaled_jacobian": lambda cells: _bounded(_SCALED[cells.name](cells)),
-        "aspect_ratio": lambda cells: _bounded(_aspect_ratio(cells)),
-        "area": _area,
-        "volume": _volume,
     }
 )

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacmesh.quality.geometry import LARGEST
 from lacmesh.quality.measures import SCALES
 
+#: Verdict's infinity, also where a measure divides by zero
+LARGEST = 1e30
 #: percentiles that statistics hold
 PERCENTS = (1, 5, 50, 95, 99)
 _EDGES: Mapping[str, NDArray] = {

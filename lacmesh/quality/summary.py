@@ -8,7 +8,7 @@ are independent of both.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -155,34 +155,24 @@ def measure_quality(mesh: MeshLike, group: Spec | None = None, measures: str | I
 
     >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     >>> q = measure_quality(square)
-    >>> q.count, q.invalid, q.types[0].measures["scaled_jacobian"].least
+    >>> q.count, q.invalid, q.types[0].measures["corner_jacobian"].least
     (1, 0, 1.0)
     """
     mesh = as_mesh(mesh)
-    cells = np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)
-    names = list(mesh.cell_groups) if group is None else []
-    return quality_of(mesh, cells, measures, group=None if group is None else spec_text(group), by_group=names)
-
-
-def quality_of(
-    mesh: Mesh,
-    cells: Ints,
-    measures: str | Iterable[str] | None = None,
-    *,
-    group: str | None = None,
-    by_group: Iterable[str] = (),
-) -> Quality:
-    """Measure the quality of some cells of a mesh (sorted indices), and of those in each group of `by_group`."""
     chosen = chosen_measures(measures)
     local = from_origin(mesh, origin_of_mesh(mesh))
-    measured = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
-    grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in measured]) for name in by_group}
-    left = {kind: len(which) for kind, which, _ in mesh.select(cells) if not _measurable(kind)}
-    return Quality(group, _types(mesh, measured), {name: types for name, types in grouped.items() if types}, left)
-
-
-def _measurable(kind: str) -> bool:
-    return primary_metric(kind) is not None
+    parts = list(mesh.select(np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)))
+    measured = [_measured(local, *part, chosen(part[0])) for part in parts if primary_metric(part[0])]
+    groups = {}
+    for name, members in mesh.cell_groups.items() if group is None else ():
+        of_group = [part.take(members) for part in measured]
+        groups[name] = tuple(_type(mesh, part) for part in of_group if len(part.cells))
+    return Quality(
+        group=None if group is None else spec_text(group),
+        types=tuple(_type(mesh, part) for part in measured),
+        groups={name: types for name, types in groups.items() if types},
+        not_measured={kind: len(which) for kind, which, _ in parts if not primary_metric(kind)},
+    )
 
 
 def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[str, ...]) -> _Measured:
@@ -197,56 +187,40 @@ def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[s
     return _Measured(kind, cells, {"validity": validity.min(axis=0), **values}, validity)
 
 
-def _types(mesh: Mesh, measured: list[_Measured]) -> tuple[TypeQuality, ...]:
-    return tuple(_type(mesh, part) for part in measured if len(part.cells))
-
-
 def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
-    accepted = ACCEPTED.get(part.type, {})
-    rank = primary_metric(part.type)
-    assert rank is not None  # only types that have one are measured
+    cell, accepted, value = CELLS[part.type], ACCEPTED.get(part.type, {}), part.values[primary_metric(part.type) or ""]
     bad = ~(part.validity > 0)
-    invalid = bad.any(axis=0)
-    poor = None if CELLS[part.type].dim == 1 else int(np.count_nonzero(~invalid & (part.values[rank] < POOR)))
-    places = PLACES if CELLS[part.type].order == 2 else (PLACES[0], PLACES[2])
+    invalid = np.asarray(bad.any(axis=0))
+    places = {name: row for name, row in zip(PLACES, bad, strict=True) if cell.order == 2 or name != PLACES[1]}
     return TypeQuality(
         type=part.type,
         count=len(part.cells),
         invalid=int(invalid.sum()),
-        invalid_at={name: int(bad[PLACES.index(name)].sum()) for name in places},
-        poor=poor,
+        invalid_at={name: int(row.sum()) for name, row in places.items()},
+        poor=None if cell.dim == 1 else int(np.count_nonzero(~invalid & (value < POOR))),
         measures={m: statistics(m, v, accepted.get(m)) for m, v in part.values.items()},
-        worst=_worst(mesh, part, rank, bad),
+        worst=tuple(_worst(mesh, part, value, invalid, places)),
     )
 
 
-def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCell, ...]:
-    """Return the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
-    key = np.where(bad.any(axis=0), np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
-    value = part.values[rank]
-    among = np.arange(len(key)) if len(key) <= 4 * WORST else np.flatnonzero(key < np.inf)
+def _worst(
+    mesh: Mesh, part: _Measured, value: Floats, invalid: NDArray, places: Mapping[str, NDArray]
+) -> Iterator[BadCell]:
+    """Yield the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
+    key = np.where(invalid, np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
+    among = np.arange(len(key)) if len(key) <= 4 * WORST else np.flatnonzero(invalid)
     if len(among) < WORST < len(key):  # the valid ones that may be among the worst, without sorting all of them
-        among = np.concatenate([among, np.argpartition(np.where(key < np.inf, np.inf, value), WORST)[:WORST]])
-    order = among[np.lexsort((value[among], key[among]))]
-    return tuple(_bad_cell(mesh, part, rank, bad, int(k)) for k in order[:WORST])
-
-
-def _bad_cell(mesh: Mesh, part: _Measured, rank: str, bad: NDArray, k: int) -> BadCell:
-    cell, of_type = int(part.cells[k]), CELLS[part.type]
-    ((_, _, nodes),) = mesh.select(np.array([cell]))
-    x, y, z = mesh.points[nodes[0][: of_type.n_corners]].mean(axis=0).tolist()
-    return BadCell(
-        number=int(mesh.cell_number[cell]),
-        groups=groups_of(mesh, cell),
-        centroid=(x, y, z),
-        measure=rank,
-        value=float(part.values[rank][k]),
-        validity=float(part.values["validity"][k]),
-        invalid_at=tuple(name for p, name in enumerate(PLACES) if bad[p, k] and (of_type.order == 2 or p != 1)),
-    )
-
-
-def groups_of(mesh: Mesh, cell: int) -> tuple[str, ...]:
-    """Return the names of the cell groups that contain a cell."""
-    one = np.array([cell])
-    return tuple(name for name, members in mesh.cell_groups.items() if positions(members, one)[0] >= 0)
+        among = np.concatenate([among, np.argpartition(np.where(invalid, np.inf, value), WORST)[:WORST]])
+    for k in among[np.lexsort((value[among], key[among]))][:WORST]:
+        one = part.cells[k : k + 1]
+        ((_, _, nodes),) = mesh.select(one)
+        x, y, z = mesh.points[nodes[0][: CELLS[part.type].n_corners]].mean(axis=0).tolist()
+        yield BadCell(
+            number=int(mesh.cell_number[one[0]]),
+            groups=tuple(name for name, members in mesh.cell_groups.items() if positions(members, one)[0] >= 0),
+            centroid=(x, y, z),
+            measure=primary_metric(part.type) or "",
+            value=float(value[k]),
+            validity=float(part.values["validity"][k]),
+            invalid_at=tuple(name for name, row in places.items() if row[k]),
+        )
