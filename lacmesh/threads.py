@@ -37,11 +37,14 @@ def worthwhile(threads: int, count: int) -> int:
     return max(1, min(threads, count // _WORTH))
 
 
-def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Call `run` on slices of the rows 0 to `count`, each in a thread, as many as there are cores and it is worth."""
+def in_threads(run: Callable[[slice], T], count: int) -> list[T]:
+    """Call `run` on slices of the rows 0 to `count`, each in a thread, as many as there are cores and it is worth.
+
+    Return the results in order.
+    """
     threads = worthwhile(min(available_cores(), _THREADS), count)
     ends = [count * k // threads for k in range(threads + 1)]
-    side_by_side(lambda k: run(slice(ends[k], ends[k + 1])), threads)
+    return side_by_side(lambda k: run(slice(ends[k], ends[k + 1])), threads)
 
 
 def side_by_side(run: Callable[[int], T], threads: int, count: int | None = None) -> list[T]:

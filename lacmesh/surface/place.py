@@ -12,10 +12,11 @@ from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.fit import fit
 from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at, curved
 from lacmesh.surface.moments import Gauss, SegmentFace, gauss_rules, in_plane
-from lacmesh.surface.patches import Patches, in_parts
+from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
 from lacmesh.surface.project import in_face, inverse, ray
 from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, Placed, fan_rules, points_of
+from lacmesh.threads import in_threads
 
 _MOST_FUNCTIONS = 20
 #: what must be left of a function that a fit takes, against the bend (`fit`)
@@ -41,7 +42,7 @@ def place(
     def run(rows: slice) -> None:
         _place_all(rows.start, rows.stop, pieces, order, code, slave, master, functions, bend, H, *tables, out)
 
-    in_parts(run, len(order))
+    in_threads(run, len(order))
     return out
 
 

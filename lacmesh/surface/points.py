@@ -20,11 +20,12 @@ from lacmesh.surface.clip import FACING, clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, QUADRANGLES, NormalMaps
 from lacmesh.surface.normals import normal_maps, weighted
-from lacmesh.surface.patches import Bools, Pairs, Patches, Reach, candidates, norm, patches
+from lacmesh.surface.patches import Bools, Patches, Reach, candidates, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
 from lacmesh.threads import side_by_side
+from lacmesh.topology.boxes import Pairs
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
 NORMALS = ("facet", "smoothed", "master")
