@@ -16,9 +16,10 @@ import numpy as np
 
 from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import RequestError
+from lacmesh.joining import restrict
 from lacmesh.mesh import Ints, Mesh, concatenated, mask_of, spec_list
 from lacmesh.origin import bounds_of
-from lacmesh.partition.parts import Bools, Part, needed, restrict, skin_name
+from lacmesh.partition.parts import Bools, Part, needed, skin_name
 
 
 def cut_part(part: Part, slave: str | Sequence[str], **options: Any) -> Part:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, Model, mask_of, positions
+from lacmesh.joining import restrict
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.skin import cells_of_dim
@@ -175,43 +176,3 @@ def skin_name(mesh: Mesh, spec: str) -> str:
     Raises GroupNotFoundError.
     """
     return spec if spec.startswith("entity:") and spec not in mesh.cell_groups else mesh.group(spec)
-
-
-def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
-    """Return a mesh of some of the nodes and cells, by their indices, ascending; all nodes of the cells are among them.
-
-    Blocks, groups and data that have nothing left are still there, and empty.
-    """
-    rows = np.split(cells, np.searchsorted(cells, mesh.offsets[1:-1]))
-    return replace(
-        mesh,
-        points=mesh.points[nodes],
-        blocks=tuple(
-            block._replace(nodes=positions(nodes, block.nodes[of_block - start]).astype(block.nodes.dtype))
-            for block, of_block, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
-        ),
-        node_number=mesh.node_number[nodes],
-        cell_number=mesh.cell_number[cells],
-        file_order=None if mesh.file_order is None else _common(cells, mesh.file_order),
-        cell_groups={name: _common(cells, members) for name, members in mesh.cell_groups.items()},
-        node_groups={name: _common(nodes, members) for name, members in mesh.node_groups.items()},
-        cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
-        node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        model=_periodic_among(mesh.model, nodes),
-        deck=None,
-    )
-
-
-def _common(index: Ints, members: Ints) -> Ints:
-    """Return the positions in `index` of those members that are there."""
-    place = positions(index, members)
-    return place[place >= 0]
-
-
-def _periodic_among(model: Model | None, nodes: Ints) -> Model | None:
-    """Return the model with those pairs of periodic nodes that are both among `nodes`, by their positions there."""
-    if model is None:
-        return None
-    pairs = [positions(nodes, link.nodes) for link in model.periodic]
-    links = [replace(link, nodes=p[(p >= 0).all(axis=1)]) for link, p in zip(model.periodic, pairs, strict=True)]
-    return replace(model, periodic=tuple(links))

@@ -39,6 +39,8 @@ FLAT = 1e-10
 #: by what iterations leave
 NEARLY_FLAT = 1e-5
 N_MONOMIALS = 9
+#: powers of u and of v in the monomials
+_POWERS = np.array([[0, 1, 0, 2, 1, 0, 2, 1, 2], [0, 0, 1, 0, 1, 2, 1, 2, 2]])
 
 
 class NormalMaps(NamedTuple):
@@ -69,14 +71,17 @@ class NormalMaps(NamedTuple):
         return cls(G, True)
 
 
-def monomials(X: Floats) -> Floats:
-    """(..., 9): the monomials at reference points X (..., 2).
+def monomials(X: Floats, along: int | None = None) -> Floats:
+    """(..., 9): the monomials at reference points X (..., 2), or their derivatives along an axis.
 
     >>> monomials(np.array([2.0, 3.0])).astype(int).tolist()
     [1, 2, 3, 4, 6, 9, 12, 18, 36]
     """
-    u, v = X[..., 0], X[..., 1]
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v, u * u * v, u * v * v, u * u * v * v], axis=-1)
+    powers = [np.stack([1 + 0 * x, x, x * x], axis=-1) for x in (X[..., 0], X[..., 1])]
+    if along is not None:
+        x = X[..., along]
+        powers[along] = np.stack([0 * x, 1 + 0 * x, 2 * x], axis=-1)
+    return powers[0][..., _POWERS[0]] * powers[1][..., _POWERS[1]]
 
 
 @cache
@@ -169,74 +174,13 @@ def curved(G: Any, s: int, u: float, v: float) -> Any:
 
 def values(G: Floats, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """(n, k): values of maps G (f, 9, k) at reference points xi (n, 2) of faces (n,)."""
-    out = np.empty((len(face), G.shape[2]))
-    _evaluate(G, face, xi, out, np.empty((0, 0, 0)))
-    return out
+    return np.asarray((monomials(xi)[:, None] @ G[face])[:, 0])
 
 
 def slopes(G: Floats, face: Ints, xi: Floats, dim: int) -> NDArray[np.floating]:
     """(n, k, dim): derivatives of maps G (f, 9, k) by `dim` reference coordinates at points xi (n, 2) of faces (n,)."""
-    out = np.empty((len(face), G.shape[2], dim))
-    _evaluate(G, face, xi, np.empty((0, 0)), out)
-    return out
-
-
-def measures(G: Floats, face: Ints, xi: Floats, dim: int, axisymmetric: bool) -> NDArray[np.floating]:
-    """(n,): area (length if `dim` is 1) of faces with maps G (f, 9, 3) over that in reference coordinates, at points.
-
-    In axisymmetry it is times the radius.
-    """
-    out = np.empty(len(face))
-    _measure(G, face, xi, dim, axisymmetric, out)
-    return out
-
-
-@kernel
-def _evaluate(G: Any, face: Any, xi: Any, value: Any, slope: Any) -> None:
-    """Write values and derivatives at points, those that are asked for: the other array has no entries."""
-    for p in range(len(face)):
-        _evaluate_at(G[face[p]], xi[p, 0], xi[p, 1], p, value, slope)
-
-
-@kernel
-def _measure(G: Any, face: Any, xi: Any, dim: int, axisymmetric: bool, out: Any) -> None:
-    """Write the area at points over that in reference coordinates."""
-    for p in range(len(face)):
-        _measure_at(G[face[p]], xi[p, 0], xi[p, 1], p, dim, axisymmetric, out)
-
-
-def _of_points(G: Floats, face: Ints, xi: Floats) -> tuple[Any, ...]:
-    """Return all points at once, for the kernels of one point: their maps (9, k, n), coordinates and rows."""
-    return np.moveaxis(G[face], 0, -1), xi[:, 0], xi[:, 1], slice(None)
-
-
-@kernel(borrows=True)
-def _evaluate_at(G: Any, u: Any, v: Any, p: Any, value: Any, slope: Any) -> None:
-    """Do what `_evaluate` does for point p, or for all points."""
-    for s in range(G.shape[1]):
-        x, along_u, along_v = curved(G, s, u, v)
-        if len(value) > 0:
-            value[p, s] = x
-        if len(slope) > 0:
-            slope[p, s, 0] = along_u
-            if slope.shape[2] == 2:
-                slope[p, s, 1] = along_v
-
-
-@kernel(borrows=True)
-def _measure_at(G: Any, u: Any, v: Any, p: Any, dim: int, axisymmetric: bool, out: Any) -> None:
-    """Do what `_measure` does for point p, or for all points."""
-    x, a, b = at(G, CURVED, u, v)
-    n = (a[1], -a[0], 0.0 * a[0])
-    if dim == 2:
-        n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    out[p] = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    if axisymmetric:
-        out[p] = out[p] * x[0]
-
-
-_evaluate.plain = lambda G, face, xi, *out: _evaluate_at(*_of_points(G, face, xi), *out)
-_measure.plain = lambda G, face, xi, *rest: _measure_at(*_of_points(G, face, xi), *rest)
+    along = np.stack([monomials(xi, axis) for axis in range(dim)], axis=1)
+    return np.swapaxes(along @ G[face], 1, 2)
 
 
 #: the quadratic type whose functions carry the height of a face

@@ -21,7 +21,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.surface.maps import NormalMaps, coefficients, padded_nodes
+from lacmesh.surface.maps import NormalMaps, coefficients, padded_nodes, slopes, values
 from lacmesh.surface.record import Surface, mean_normals
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
@@ -39,6 +39,15 @@ def normals_of(J: Floats) -> Floats:
         return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
     (ax, bx), (ay, by), (az, bz) = np.moveaxis(J, (-2, -1), (0, 1))  # np.cross takes several times as long
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def measures(G: Floats, face: Ints, xi: Floats, dim: int, axisymmetric: bool) -> NDArray[np.floating]:
+    """(n,): area (length if `dim` is 1) of faces with maps G (f, 9, 3) over that in reference coordinates, at points.
+
+    In axisymmetry it is times the radius.
+    """
+    size = np.linalg.norm(normals_of(slopes(G, face, xi, dim)), axis=-1)
+    return np.asarray(size * values(G[..., :1], face, xi)[:, 0] if axisymmetric else size)
 
 
 def unit(v: Floats) -> NDArray[np.floating]:

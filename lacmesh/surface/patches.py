@@ -22,6 +22,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface
 from lacmesh.topology.boxes import Boxes, Pairs, boxes_in
+from lacmesh.topology.orientation import corner_normals
 from lacmesh.topology.skin import MAX_CORNERS
 
 Bools = NDArray[np.bool_]
@@ -137,32 +138,26 @@ def reference_grid(family: str, n: int) -> Floats:
 def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, warp: Floats) -> Patches:
     line = len(n) > 0 and n[0] == 2
     x = _joined(np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3)))
-    normal, area, longest = _normals(x, n, line)
+    normal = corner_normals(x, n)
+    area, a, b = (np.linalg.norm(v, axis=1) for v in (normal, x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]))
+    area, longest = area if line else area / 2, np.maximum(a, b)
     fine = np.isfinite(area) & (area > 1e-14 * (longest if line else longest**2)) & (area > 0)
-    if not fine.all():
-        face, n, xi, x, normal, area = face[fine], n[fine], xi[fine], x[fine], normal[fine], area[fine]
-    normal = normal / norm(normal)[:, None]
+    face, n, xi, x, normal, area = (v[fine] for v in (face, n, xi, x, normal, area))
+    normal = _unit(normal)
     corners = np.arange(MAX_CORNERS) < n[:, None]
     centre = (x * corners[..., None]).sum(axis=1) / n[:, None]
     # a tangent along the first edge, or the diagonal where that has hardly a length
     a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    along = np.where((norm(b) > 4 * norm(a))[:, None], b, a)
-    along = along - (along * normal).sum(axis=1, keepdims=True) * normal
-    along /= norm(along)[:, None]
-    e = np.stack([along, cross(normal, along), normal], axis=1)
+    longer = np.linalg.norm(b, axis=1) > 4 * np.linalg.norm(a, axis=1)
+    along = np.where(longer[:, None], b, a)
+    along = _unit(along - (along * normal).sum(axis=1, keepdims=True) * normal)
+    e = np.stack([along, np.cross(normal, along), normal], axis=1)
     y = _joined(np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2)))
     return Patches(face, n, xi, x, centre, e, y, area, G, kind, warp)
 
 
-def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
-    """Normals of patches (not of unit length), their areas, and the longest of their first edges and diagonals."""
-    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    longest = np.maximum(norm(a), norm(b))
-    if line:
-        return np.stack([a[:, 1], -a[:, 0], 0 * a[:, 0]], axis=1), norm(a), longest
-    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
-    normal = cross(b, last - x[:, 1])
-    return normal, norm(normal) / 2, longest
+def _unit(v: Floats) -> Floats:
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
 def _joined(x: Floats) -> Floats:
@@ -175,18 +170,6 @@ def _joined(x: Floats) -> Floats:
     last = np.abs(x[:, 3] - x[:, 0]).max(axis=1) <= _SAME * size[:, 0]
     x[last, 3] = x[last, 0]
     return x
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """(k, 3): cross products; np.cross is several times slower for many vectors."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def norm(a: Floats) -> Floats:
-    """(k,): lengths of vectors (k, 3)."""
-    x, y, z = a.T
-    return np.sqrt(x * x + y * y + z * z)
 
 
 def turns(y: Floats) -> Floats:

@@ -20,7 +20,7 @@ from lacmesh.surface.clip import FACING, clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, QUADRANGLES, NormalMaps
 from lacmesh.surface.normals import normal_maps, weighted
-from lacmesh.surface.patches import Bools, Patches, Reach, candidates, norm, patches
+from lacmesh.surface.patches import Bools, Patches, Reach, candidates, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
@@ -137,7 +137,7 @@ def _with_folds(
 ) -> tuple[Patches, Reach]:
     """Return the slave's patches, those turned over that have turned away and keep to the master, and their reach."""
     normal = (m.area[:, None] * m.e[:, 2]).sum(axis=0)
-    size = float(norm(normal))
+    size = float(np.linalg.norm(normal))
     away = keeps[s.face] & (s.e[:, 2] @ normal > FACING * size)
     if not (away.any() and size > _PLANE * m.area.sum()):
         return s, reach
@@ -192,7 +192,7 @@ def _diagonals(surface: Surface, group: Ints) -> Floats:
     x = surface.x[nodes]
     for out, corners in zip(ends, (x, -x), strict=True):
         np.maximum.at(out, group[rows], np.where(there[..., None], corners, -np.inf).max(axis=1))
-    length = norm(ends[0] + ends[1])
+    length = np.linalg.norm(ends[0] + ends[1], axis=1)
     return length[np.isfinite(length)]
 
 

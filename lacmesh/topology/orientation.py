@@ -90,14 +90,24 @@ def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> Bools:
     return wrong[cells]
 
 
+def corner_normals(x: Floats, n: Ints) -> Floats:
+    """(f, 3): normals of faces with n corners at x (f, 4, 3), twice as long as the area; of segments, as long as these.
+
+    Those of segments lie in the plane z = 0, to their right.
+    """
+    t = x[:, 1] - x[:, 0]
+    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1)
+    if (n == 2).all():
+        return plane
+    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
+    return np.where((n == 2)[:, None], plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]))
+
+
 def face_normals(mesh: Mesh, faces: Faces) -> Floats:
     """(f, 3): normals of faces by their corners, as long as the faces' areas; of lines in space, their tangents."""
-    x = mesh.points[faces.corners]
-    t = x[:, 1] - x[:, 0]
-    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1) if mesh.space_dim == 2 else t
-    n = N_CORNERS[faces.type][:, None]
-    last = np.where(n == 4, x[:, 3], x[:, 0])
-    return np.where(n == 2, plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]) / 2)
+    n, x = N_CORNERS[faces.type], mesh.points[faces.corners]
+    normals = corner_normals(x, n) / np.where(n == 2, 1, 2)[:, None]
+    return normals if mesh.space_dim == 2 else np.where((n == 2)[:, None], x[:, 1] - x[:, 0], normals)
 
 
 # ---- skins
