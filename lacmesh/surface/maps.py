@@ -13,7 +13,7 @@ height, unless they are straight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, codes
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, TYPE_CODE
 
@@ -100,14 +100,17 @@ def basis(code: int) -> NDArray[np.floating]:
     return out
 
 
-def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
-    """G (f, 9, k): coefficients of the map of each face, or of the interpolation of `values` (f, 9, k) at its nodes."""
-    k = 3 if values is None else values.shape[2]
-    G = np.empty((len(surface), N_MONOMIALS, k))
-    for name, rows, nodes in surface.by_type():
-        at = surface.x[nodes] if values is None else values[rows, : nodes.shape[1]]
-        C = basis(FACE_TYPES.index(name))
-        G[rows] = (C @ at.reshape(len(rows), nodes.shape[1], k)).astype(float)
+def coefficients(surface: Surface) -> Floats:
+    """G (f, 9, 3): coefficients of the map of each face."""
+    return interpolated(surface.faces.type, surface.x[surface.faces.nodes])
+
+
+def interpolated(types: Ints, values: Floats) -> Floats:
+    """(f, 9, k): coefficients of fields with `values` (f, 9, k) at the nodes of faces of some `types` (f,), codes."""
+    G = np.empty((len(types), N_MONOMIALS, values.shape[2]))
+    for code in codes(types):
+        rows, C = np.flatnonzero(types == code), basis(code)
+        G[rows] = C @ values[rows, : C.shape[1]]
     return G
 
 
@@ -188,8 +191,10 @@ QUADRATIC = {
     "SEG2": "SEG3", "SEG3": "SEG3", "TRIA3": "TRIA6", "TRIA6": "TRIA6", "TRIA7": "TRIA6", "QUAD4": "QUAD9",
     "QUAD8": "QUAD9", "QUAD9": "QUAD9",
 }  # fmt: skip
+#: the same by the codes of the types
+_QUADRATIC_CODE = np.array([TYPE_CODE[QUADRATIC.get(name, name)] for name in FACE_TYPES])
 #: types with heights in both directions
-QUADRANGLES = [TYPE_CODE[name] for name, quadratic in QUADRATIC.items() if quadratic == "QUAD9"]
+QUADRANGLES = np.flatnonzero(np.equal(_QUADRATIC_CODE, TYPE_CODE["QUAD9"]))
 #: most nodes of such a type
 N_HEIGHTS = 9
 
@@ -218,10 +223,8 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        taken = None if self.taken is None else self.taken[rows]
-        doubt = None if self.doubt is None else self.doubt[rows]
-        lean = None if self.lean is None else self.lean[rows]
-        return replace(self, type=self.type[rows], value=self.value[rows], lean=lean, taken=taken, doubt=doubt)
+        own = [getattr(self, field.name) for field in fields(self)]
+        return Height(*(value if value is None else value[rows] for value in own))
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
@@ -234,30 +237,22 @@ class Height:
     @cached_property
     def _map(self) -> NDArray[np.floating]:
         """(f, 9, 1): coefficients of the heights."""
-        return self._interpolated(self.value[:, :, None])
+        return interpolated(_QUADRATIC_CODE[self.type], self.value[:, :, None])
 
     @cached_property
     def leans(self) -> NDArray[np.floating]:
         """(f, 9, 2): coefficients of the slopes of the normals."""
-        return self._interpolated(self.slopes_at_nodes if self.lean is None else self.lean)
+        return interpolated(_QUADRATIC_CODE[self.type], self.slopes_at_nodes if self.lean is None else self.lean)
 
     @property
     def slopes_at_nodes(self) -> NDArray[np.floating]:
         """(f, 9, 2): slopes of the heights at the nodes of each face's quadratic type, padded with 0."""
         out = np.zeros((*self.value.shape, 2))
-        for name, quadratic in QUADRATIC.items():
-            rows, X = np.flatnonzero(self.type == TYPE_CODE[name]), padded_nodes(quadratic)
+        for code in codes(self.type):
+            rows, X = np.flatnonzero(self.type == code), padded_nodes(FACE_TYPES[_QUADRATIC_CODE[code]])
             at = self.slope(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
             out[rows, : len(X)] = at.reshape(len(rows), len(X), 2)
         return out
-
-    def _interpolated(self, values: Floats) -> NDArray[np.floating]:
-        """(f, 9, k): coefficients of fields with values (f, 9, k) at the nodes of each face's quadratic type."""
-        G = np.zeros((len(self.type), N_MONOMIALS, values.shape[2]))
-        for name, quadratic in QUADRATIC.items():
-            rows, C = self.type == TYPE_CODE[name], basis(TYPE_CODE[quadratic])
-            G[rows] = C @ values[rows, : C.shape[1]]
-        return G
 
 
 def padded_nodes(name: str) -> NDArray[np.floating]:

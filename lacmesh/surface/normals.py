@@ -21,7 +21,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.surface.maps import NormalMaps, coefficients, padded_nodes, slopes, values
+from lacmesh.surface.maps import NormalMaps, interpolated, padded_nodes, slopes, values
 from lacmesh.surface.record import Surface, mean_normals
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
@@ -77,7 +77,7 @@ def normal_maps(slave: Surface, master: Surface, normals: str, crease_angle: flo
     if normals == "master":
         return NormalMaps.constant(-mean_normals(master)[0])
     if normals == "smoothed":
-        return NormalMaps(coefficients(slave, smoothed(slave, crease_angle)))
+        return NormalMaps(interpolated(slave.faces.type, smoothed(slave, crease_angle)))
     return NormalMaps.none() if slave.height is None else NormalMaps(slave.height.leans)
 
 
