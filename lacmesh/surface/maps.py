@@ -13,7 +13,7 @@ height, unless they are straight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -223,8 +223,8 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        own = [getattr(self, field.name) for field in fields(self)]
-        return Height(*(value if value is None else value[rows] for value in own))
+        rest: list[Any] = [part if part is None else part[rows] for part in (self.lean, self.taken, self.doubt)]
+        return Height(self.type[rows], self.value[rows], *rest)
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
