@@ -9,7 +9,7 @@ quality = statistics of the measures, by type and by group, and the worst cells 
 from __future__ import annotations
 
 from lacmesh.quality.determinant import Validity, validity, validity_at, validity_of
-from lacmesh.quality.geometry import corner_jacobian, worst
+from lacmesh.quality.geometry import corner_jacobian
 from lacmesh.quality.measures import measure_cells, measures_of
 from lacmesh.quality.summary import Quality, measure_quality
 
@@ -23,5 +23,4 @@ __all__ = [
     "validity",
     "validity_at",
     "validity_of",
-    "worst",
 ]

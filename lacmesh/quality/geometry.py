@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints
 from lacmesh.quality.determinant import as_points, by_pieces
 from lacmesh.reference.vectors import cross, dot, norm, over
 
@@ -144,15 +144,6 @@ def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
     if name not in CELLS or CELLS[name].dim < 2:
         return np.ones(len(x))
     return np.asarray(by_pieces(lambda piece: [_corner_jacobian(Shapes(name, piece, plane))], *as_points(x), 1)[0])
-
-
-def worst(mesh: Mesh, cells: Ints) -> float:
-    """Least corner Jacobian of some cells of a mesh; NaN if there are none to measure.
-
-    Cells of a plane mesh are measured relative to their own orientation, because many meshes list them clockwise.
-    """
-    parts = [(kind, nodes) for kind, _, nodes in mesh.select(cells) if kind in CELLS and CELLS[kind].dim > 1]
-    return min((float(corner_jacobian(kind, mesh.points[nodes]).min()) for kind, nodes in parts), default=float("nan"))
 
 
 def own_measures(name: str, points: Floats, nodes: Ints, measures: Iterable[str]) -> dict[str, NDArray]:

@@ -24,7 +24,6 @@ from lacmesh.surface.patches import Bools, Patches, Reach, candidates, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
-from lacmesh.threads import side_by_side
 from lacmesh.topology.boxes import Pairs
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
@@ -109,8 +108,7 @@ def contact_points(
     origin = origin_of(np.concatenate([side.x[k[k >= 0]] for side, k in zip((slave, master), corners, strict=True)]))
     if origin.any():
         slave, master = slave.at(slave.x - origin), master.at(master.x - origin)
-    both = slave, master
-    s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
+    s, m = patches(slave), patches(master)
     with np.errstate(over="ignore", invalid="ignore"):
         H = normal_maps(slave, master, normals, crease_angle)
     s = s.take(np.flatnonzero(macro[s.face] >= 0))

@@ -117,14 +117,10 @@ class Surface(Described):
     @cached_property
     def size(self) -> Floats:
         """(f,): the largest distance between two corners of each face."""
-        x = self.x[self.faces.nodes[:, :MAX_CORNERS]]
-        out = np.zeros(len(self))
-        for a in range(MAX_CORNERS):
-            for b in range(a):
-                with np.errstate(over="ignore", invalid="ignore"):
-                    apart = np.linalg.norm(x[:, a] - x[:, b], axis=1)
-                np.maximum(out, np.where(self.n_corners > a, apart, 0.0), out=out)
-        return out
+        corners = self.faces.corners
+        x = self.x[np.where(corners < 0, corners[:, :1], corners)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2))
 
     @cached_property
     def neighbours(self) -> Ints:
