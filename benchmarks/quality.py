@@ -20,7 +20,7 @@ from lacmesh import cut_skin, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Mesh
 from lacmesh.quality import measure_quality
-from lacmesh.quality.determinant import validity_among
+from lacmesh.quality.geometry import validity_among
 from lacmesh.report import cut_report
 
 

@@ -26,8 +26,7 @@ from lacmesh.quality import (
 )
 from lacmesh.quality.geometry import OWN
 from lacmesh.quality.measures import ACCEPTED, SCALES, default_measures, primary_metric
-from lacmesh.quality.statistics import histogram, statistics
-from lacmesh.quality.summary import PLACES
+from lacmesh.quality.summary import PLACES, histogram, statistics
 from lacmesh.reference import quadrature
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, jacobian

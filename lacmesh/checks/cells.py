@@ -85,8 +85,10 @@ class _Validity(NamedTuple):
 
 def _validity(request: Request) -> _Validity:
     """Examine the Jacobian determinants of all cells where solvers evaluate them."""
-    from lacmesh.quality.determinant import validity_among  # not for those who ask how cells fit together alone
-    from lacmesh.quality.geometry import own_measures
+    from lacmesh.quality.geometry import (
+        own_measures,
+        validity_among,  # not for those who ask how cells fit together alone
+    )
     from lacmesh.quality.measures import POOR
 
     mesh = request.mesh

@@ -1,6 +1,6 @@
 """Every measure of every cell type by its name: those that lacmesh computes (`geometry`), and Verdict's.
 
-Ours: `validity` (`determinant`), `corner_jacobian`, `edge_ratio`, and the least and largest angle at the corners:
+Ours: `validity`, `corner_jacobian`, `edge_ratio`, and the least and largest angle at the corners:
 `min_dihedral`, `max_dihedral` of solids, `min_corner_angle`, `max_corner_angle` of surfaces. A quadratic cell has these
 only: Verdict defines nothing on it. Lines have `validity` alone, points nothing. Verdict's measures of the linear types
 are computed by VTK, through pyvista (the extra `view`). Names and accepted ranges: Stimpson et al., *The Verdict
@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import RequestError, did_you_mean, listed
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.geometry import OWN, own_measures
+from lacmesh.quality.geometry import OWN, own_measures, validity_among
 
 Range = tuple[float, float]
 

@@ -10,11 +10,10 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at, curved
+from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at, curved, in_face, inverse, ray
 from lacmesh.surface.moments import Gauss, SegmentFace, gauss_rules, in_plane
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
-from lacmesh.surface.project import in_face, inverse, ray
 from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, Placed, fan_rules, points_of
 from lacmesh.threads import in_threads
 

@@ -18,7 +18,7 @@ from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
 from lacmesh.surface.fit import correct
 from lacmesh.surface.lines import _nearest_only
-from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, kinds
+from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, in_quadrangle, kinds, quadrangle
 from lacmesh.surface.patches import candidates, patches
 from lacmesh.surface.place import plane_rule
 from lacmesh.surface.points import face_measure, reaches
@@ -34,7 +34,6 @@ from lacmesh.surface.polygon import (
     nearest_only,
     outside,
 )
-from lacmesh.surface.project import in_quadrangle, quadrangle
 from lacmesh.surface.record import mean_normals
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
 from tests.meshes import cell_with_faces
