@@ -15,7 +15,7 @@ from lacmesh.surface.clip import FACING
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT, NormalMaps
 from lacmesh.surface.patches import Bools, Patches, Reach
-from lacmesh.surface.rules import FITTED, Placed
+from lacmesh.surface.place import FITTED, Placed
 from lacmesh.topology.boxes import Pairs
 
 _LEAST = 1e-13

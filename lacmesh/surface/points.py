@@ -21,9 +21,8 @@ from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lin
 from lacmesh.surface.maps import FLAT, QUADRANGLES, NormalMaps
 from lacmesh.surface.normals import normal_maps, weighted
 from lacmesh.surface.patches import Bools, Patches, Reach, candidates, patches
-from lacmesh.surface.place import place
+from lacmesh.surface.place import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule, place
 from lacmesh.surface.record import Surface, mean_normals
-from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
 from lacmesh.topology.boxes import Pairs
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 

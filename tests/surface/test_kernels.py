@@ -20,7 +20,7 @@ from lacmesh.surface.fit import correct
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, in_quadrangle, kinds, quadrangle
 from lacmesh.surface.patches import candidates, patches
-from lacmesh.surface.place import plane_rule
+from lacmesh.surface.place import DEGREE, FAN3, fan_rules, plane_rule
 from lacmesh.surface.points import face_measure, reaches
 from lacmesh.surface.polygon import (
     CHORD,
@@ -35,7 +35,6 @@ from lacmesh.surface.polygon import (
     outside,
 )
 from lacmesh.surface.record import mean_normals
-from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
 from tests.meshes import cell_with_faces
 from tests.samples import samples
 from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
