@@ -283,13 +283,6 @@ def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
 
 def _signed_volume(mesh: Mesh, faces: Faces) -> NDArray:
     """(f,): contribution of each face to the volume that a closed skin encloses (to the area, for segments)."""
-    n = N_CORNERS[faces.type]
-    corners = faces.corners
+    n, corners = N_CORNERS[faces.type], faces.corners
     x = mesh.points[corners] - mesh.points[corners[0, 0]]
-    if n[0] == 2:
-        return (x[:, 0, 0] * x[:, 1, 1] - x[:, 0, 1] * x[:, 1, 0]) / 2
-    total = np.zeros(len(faces))
-    for k in (1, 2):
-        part = np.einsum("fi,fi->f", x[:, 0], np.cross(x[:, k], x[:, min(k + 1, 3)])) / 6
-        total += np.where(k + 1 < n, part, 0)
-    return total
+    return np.asarray((x[:, 0] * corner_normals(x, n)).sum(axis=1) / np.where(n == 2, 2, 6))
