@@ -3,8 +3,7 @@
     python benchmarks/quality.py [--quick] [-o TABLE.md]
 
 Seconds are wall time and this process's own time, of all its threads together: on two free cores the first is down to
-half of the second, on a shared machine it is longer. Kernels are compiled, or loaded, by an untimed call before. The
-reference is VTK's cell quality (by pyvista) for the same measures of the same cells, in the same run.
+half of the second, on a shared machine it is longer. Kernels are compiled, or loaded, by an untimed call before.
 """
 
 from __future__ import annotations
@@ -20,13 +19,9 @@ from meshes import box
 from lacmesh import cut_skin, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Mesh
-from lacmesh.quality import measure_cells, measure_quality
-from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import ACCEPTED, default_measures
+from lacmesh.quality import measure_quality
+from lacmesh.quality.geometry import validity_among
 from lacmesh.report import cut_report
-
-#: linear type -> VTK's name of it
-TYPES = {"HEXA8": "HEXAHEDRON", "TETRA4": "TETRA", "PENTA6": "WEDGE", "PYRAM5": "PYRAMID"}
 
 
 def shaken(mesh):
@@ -97,32 +92,14 @@ def rows(quick, repeats):
         solids = [b for b in mesh.blocks if CELLS[b.type].dim == 3]
         count = sum(len(b.nodes) for b in solids)
         calls = {"validity": lambda m=mesh, s=solids: [validity_among(b.type, m.points, b.nodes) for b in s]}
-        if name in TYPES:
-            calls["Verdict's default measures"] = lambda m=mesh, k=name: measure_cells(
-                k, m.points, m.block(k), verdicts(k)
-            )
         calls["lacmesh quality"] = lambda m=mesh: measure_quality(m, "body")
         for what, call in calls.items():
             wall, own = timed(call, repeats)
-            note = against_vtk(name, mesh, own, repeats) if what.startswith("Verdict") else ""
-            yield f"{what}, {count:,} {name}", wall, own, 1e6 / count, note
+            yield f"{what}, {count:,} {name}", wall, own, 1e6 / count
     n = 20 if quick else 100
     mesh = shaken(box(n, n, n))
     cut = cut_skin(mesh, "slave")
-    yield f"cut_report, {n * n:,} slave faces", *timed(lambda: cut_report(mesh, cut), repeats), None, ""
-
-
-def verdicts(name):
-    return [m for m in default_measures(name) if m in ACCEPTED[name]]
-
-
-def against_vtk(name, mesh, own, repeats):
-    """Time VTK on the same measures of the same cells, in this run."""
-    import pyvista
-
-    grid = pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: mesh.block(name)}, mesh.points)
-    theirs = timed(lambda: grid.cell_quality(verdicts(name)), repeats)
-    return f"VTK {theirs[0]:.2f} s, {theirs[1]:.2f} s own: {theirs[1] / own:.1f} times ours"
+    yield f"cut_report, {n * n:,} slave faces", *timed(lambda: cut_report(mesh, cut), repeats), None
 
 
 def main():
@@ -130,11 +107,11 @@ def main():
     parser.add_argument("--quick", action="store_true", help="small meshes, once")
     parser.add_argument("-o", "--output", type=Path, help="write the table here too")
     args = parser.parse_args()
-    lines = ["| what | wall | own | own, 1e6 cells | reference |", "|---|---:|---:|---:|---|"]
+    lines = ["| what | wall | own | own, 1e6 cells |", "|---|---:|---:|---:|"]
     print("\n".join(lines))
-    for what, wall, own, million, note in rows(args.quick, 1 if args.quick else 3):
+    for what, wall, own, million in rows(args.quick, 1 if args.quick else 3):
         scaled = f"{own * million:.2f} s" if million else ""
-        lines.append(f"| {what} | {wall:.2f} s | {own:.2f} s | {scaled} | {note} |")
+        lines.append(f"| {what} | {wall:.2f} s | {own:.2f} s | {scaled} |")
         print(lines[-1], flush=True)
     if args.output:
         args.output.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Drawing of a mesh in pyvista: bodies, skins in colours, findings, words, and the places of bodies and of the eye.
+"""Drawing of a mesh in pyvista: bodies, skins in colours, findings, words, and the place of the eye.
 
 Curved faces follow their cells' shape functions; PYRAM14 and cells of order 3 and higher are drawn by their corners.
 """
@@ -43,12 +43,10 @@ SEVERITIES = {"error": "#cc1f1a", "warning": "#e87500", "info": "#5b6b7d"}
 RAMP = ("#231a4c", "#34489b", "#2f7fb5", "#56b4b8", "#a9d9b2", "#f4f3d0")
 #: ways to draw bodies, and their opacity
 OPACITY = {"solid": 1.0, "ghost": 0.16, "hidden": 0.0}
-#: the eye by default; gap between bodies moved apart as a part of the diagonal, in space and in a plane with a master
-_OBLIQUE, _GAP, _PLANE_GAP = (1.0, -1.6, 0.9), 0.05, 0.03
-#: a skin whose mean normal is shorter than this faces every way; degrees from straight on at which a skin is well seen
-_ONE_WAY, _ASIDE = 0.3, 40.0
-#: a skin is in sight if this part of each patch is; patches, and faces of each, that are looked at
-_IN_SIGHT, _PATCHES, _SAMPLE = 0.25, 16, 40
+#: the eye by default; gap between the bodies of a plane mesh with a master, as a part of the diagonal
+_OBLIQUE, _PLANE_GAP = (1.0, -1.6, 0.9), 0.03
+#: a skin whose mean normal is shorter than this faces every way
+_ONE_WAY = 0.3
 #: findings named in words; cells of theirs with a number; offset that brings faces before everything
 _LISTED, _LABELLED, _BEFORE_ALL = 5, 8, 2e7
 #: bodies of a mesh whose bodies are named
@@ -56,7 +54,7 @@ _NAMED = 200
 
 
 class Drawing:
-    """A mesh in pyvista, and the plotter to which its parts are added; bodies may be moved apart (`arrange`)."""
+    """A mesh in pyvista, and the plotter to which its parts are added; bodies may be moved apart."""
 
     def __init__(
         self, mesh: Mesh, slave: Groups, master: Groups, cutaway: Vector | None, size: tuple[int, int], off_screen: bool
@@ -105,19 +103,16 @@ class Drawing:
 
     def outward(self) -> Floats:
         """Mean unit normal (3,) of the slave skin, out of its bodies; 0 if the skin faces every way."""
-        x = self.mesh.points
-        normals: list[Floats] = [np.zeros((1, 3))]
-        centres: list[Floats] = [np.zeros((1, 3))]
+        x, parts = self.mesh.points, [np.zeros((2, 1, 3))]
         for kind, _, nodes in self.mesh.select(self.slaves):
             a, b = x[nodes[:, 0]], x[nodes[:, 1]]
-            normals.append(np.cross(b - a, x[nodes[:, 2]] - a if ALL_CELLS[kind].dim == 2 else [0.0, 0.0, 1.0]))
-            centres.append(a)
-        normal = np.vstack(normals)
-        mean = normal.sum(axis=0)
-        if np.linalg.norm(mean) <= _ONE_WAY * np.linalg.norm(normal, axis=1).sum():
+            other = x[nodes[:, 2]] - a if ALL_CELLS[kind].dim == 2 else [0.0, 0.0, 1.0]
+            parts.append(np.stack([a, np.cross(b - a, other)]))
+        places, normals = np.concatenate(parts, axis=1)[:, 1:]
+        mean = normals.sum(axis=0)
+        if np.linalg.norm(mean) <= _ONE_WAY * np.linalg.norm(normals, axis=1).sum():
             return np.zeros(3)
-        inside = x[self.of_slave].mean(axis=0)
-        return unit(mean if mean @ (np.vstack(centres)[1:].mean(axis=0) - inside) >= 0 else -mean)
+        return unit(mean if mean @ (places.mean(axis=0) - x[self.of_slave].mean(axis=0)) >= 0 else -mean)
 
     def eye(self, camera: Vector | None) -> Floats:
         """Direction from the mesh towards the eye, (3,)."""
@@ -127,58 +122,22 @@ class Drawing:
             return np.array([0.0, 0.0, 1.0])
         return unit((0 if self.hidden else self.outward()) + 0.6 * unit(_OBLIQUE))
 
-    def arrange(self, eye: Floats, explode: float | None, tilt: float | None, bodies: str | None) -> tuple[str, str]:
-        """Move the bodies with slave faces to show these; return what was moved, and how bodies are to be drawn.
+    def move_apart(self, explode: float | None) -> bool:
+        """Shift the bodies with slave faces off the others, by a part of the diagonal; True if they were moved.
 
-        Bodies are ghosts where the skin stays hidden for all that may be moved. Warns of a gap that moves nothing.
+        Warns of a gap that moves nothing.
         """
-        free = explode is None and tilt is None
-        if bodies in ("ghost", "hidden") and free:
-            explode, tilt = 0.0, 0.0  # nothing hides the skin
-        at_rest = self.grid.points.copy()
-        moved = self._move(eye, explode, tilt)
-        if bodies or self.plane or not self.whole or not self.hidden or self._shows_skin(eye):
-            return moved, bodies or "solid"
-        if free:
-            self.grid.points, moved = at_rest, ""
-        return moved, "ghost"
-
-    def _move(self, eye: Floats, explode: float | None, tilt: float | None) -> str:
-        """Turn and shift the bodies that carry slave faces; return what was done in words."""
-        outward = self.outward()
+        if explode is None:
+            explode = _PLANE_GAP if self.plane and self.hidden and len(self.masters) else 0.0
+        outward = self.outward() if explode else np.zeros(3)
         if not self.hidden or not outward.any():
             if explode:
                 why = "the slave skin faces every way" if self.hidden else "no other body hides a slave skin"
                 warnings.warn(LacmeshWarning(f"explode {explode:g} moves nothing: {why}"), stacklevel=4)
-            return ""
-        if tilt is None:
-            tilt = 0.0 if self.plane else max(0.0, float(np.degrees(np.arccos(np.clip(outward @ eye, -1, 1)))) - _ASIDE)
-        if explode is None:
-            explode = _GAP if not self.plane else _PLANE_GAP if len(self.masters) else 0.0
-        if tilt == explode == 0:
-            return ""
-        x, mine = self.mesh.points, self.of_slave
-        centre, axis = (x[mine].min(axis=0) + x[mine].max(axis=0)) / 2, unit(np.cross(outward, eye))
-        r, angle = x[mine] - centre, np.radians(tilt)
-        along = np.outer(r @ axis, axis)
-        turned = centre + along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(axis, r)
-        others = self._nodes(self.bodies)
-        overlap = (turned @ outward).max() - (x[others[~mine[others]]] @ outward).min()
-        self.grid.points[mine] = turned - (overlap + explode * self.span) * outward
-        return "opened, tilted" if tilt else "opened"
-
-    def _shows_skin(self, eye: Floats) -> bool:
-        """True if, from the eye, a quarter of each patch of the slave skin lies bare."""
-        everything, skin = (self.part(cells).extract_surface(algorithm="dataset_surface") for cells in
-                            (np.union1d(self.bodies, self.slaves), self.slaves))  # fmt: skip
-        skin = skin.connectivity()
-        centres, patch = skin.cell_centers().points, skin.cell_data["RegionId"]
-        for label in np.unique(patch)[:_PATCHES]:
-            sample = centres[patch == label]
-            sample = sample[:: -(-len(sample) // _SAMPLE)]
-            rays = ((x + 1e-3 * self.span * eye, x + 1e3 * self.span * eye) for x in sample)
-            if sum(not len(everything.ray_trace(*ray)[0]) for ray in rays) < _IN_SIGHT * len(sample):
-                return False
+            return False
+        x, mine, others = self.mesh.points, self.of_slave, self._nodes(self.bodies)
+        overlap = (x[mine] @ outward).max() - (x[others[~mine[others]]] @ outward).min()
+        self.grid.points[mine] -= (overlap + explode * self.span) * outward
         return True
 
     # ---- what is drawn

@@ -92,31 +92,50 @@ def renamed(mesh: Mesh, names: Mapping[str, str]) -> Mesh:
 
 def only(mesh: Mesh, groups: Sequence[str]) -> Mesh:
     """Return some groups of the mesh alone: `Mesh.only`."""
-    wanted = mask_of(mesh.n_cells, *(mesh.cells_of(name) for name in groups))
-    kept = np.flatnonzero(wanted)
-    nodes = mesh.nodes_on(kept)
-    new_node, new_cell = places_of(nodes, mesh.n_nodes), places_of(kept, mesh.n_cells)
-    blocks = tuple(Block(kind, new_node[rows]) for kind, _, rows in mesh.select(kept))
+    cells = np.flatnonzero(mask_of(mesh.n_cells, *(mesh.cells_of(name) for name in groups)))
+    part = restrict(mesh, mesh.nodes_on(cells), cells)
+    cell_groups, node_groups = (
+        {name: own for name, own in groups.items() if len(own)} for groups in (part.cell_groups, part.node_groups)
+    )
+    return replace(
+        part,
+        blocks=tuple(block for block in part.blocks if len(block.nodes)),
+        cell_groups=cell_groups,
+        node_groups=node_groups,
+        group_tags={name: tags for name, tags in mesh.group_tags.items() if name in cell_groups},
+        model=None,
+    )
 
-    def members(groups: Mapping[str, Ints], new: Ints) -> dict[str, Ints]:
-        left = {name: new[own][new[own] >= 0] for name, own in groups.items()}
-        return {name: own for name, own in left.items() if len(own)}
 
-    cell_groups = members(mesh.cell_groups, new_cell)
-    order = mesh.file_order
+def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
+    """Return a mesh of some of the nodes and cells, by their indices, ascending; all nodes of the cells are among them.
+
+    Blocks, groups and data that have nothing left are still there, and empty.
+    """
+    new_node, new_cell = places_of(nodes, mesh.n_nodes), places_of(cells, mesh.n_cells)
+    rows = np.split(cells, np.searchsorted(cells, mesh.offsets[1:-1]))
+    blocks = [
+        block._replace(nodes=new_node[block.nodes[of_block - start]].astype(block.nodes.dtype))
+        for block, of_block, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
+    ]
+
+    def left(members: Ints, new: Ints) -> Ints:
+        return new[members][new[members] >= 0]
+
+    links = [replace(link, nodes=new_node[link.nodes]) for link in (mesh.model.periodic if mesh.model else ())]
+    links = [replace(link, nodes=link.nodes[(link.nodes >= 0).all(axis=1)]) for link in links]
     return replace(
         mesh,
         points=mesh.points[nodes],
-        blocks=blocks,
+        blocks=tuple(blocks),
         node_number=mesh.node_number[nodes],
-        cell_number=mesh.cell_number[kept],
-        file_order=None if order is None else new_cell[order][new_cell[order] >= 0],
-        cell_groups=cell_groups,
-        node_groups=members(mesh.node_groups, new_node),
-        cell_data={name: values[kept] for name, values in mesh.cell_data.items()},
+        cell_number=mesh.cell_number[cells],
+        file_order=None if mesh.file_order is None else left(mesh.file_order, new_cell),
+        cell_groups={name: left(members, new_cell) for name, members in mesh.cell_groups.items()},
+        node_groups={name: left(members, new_node) for name, members in mesh.node_groups.items()},
+        cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
         node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        group_tags={name: tags for name, tags in mesh.group_tags.items() if name in cell_groups},
-        model=None,
+        model=mesh.model and replace(mesh.model, periodic=tuple(links)),
         deck=None,
     )
 

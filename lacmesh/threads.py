@@ -37,19 +37,19 @@ def worthwhile(threads: int, count: int) -> int:
     return max(1, min(threads, count // _WORTH))
 
 
-def in_threads(run: Callable[[slice], None], count: int) -> None:
-    """Call `run` on slices of the rows 0 to `count`, each in a thread, as many as there are cores and it is worth."""
+def in_threads(run: Callable[[slice], T], count: int) -> list[T]:
+    """Call `run` on slices of the rows 0 to `count`, each in a thread, as many as there are cores and it is worth.
+
+    Return the results in order.
+    """
     threads = worthwhile(min(available_cores(), _THREADS), count)
     ends = [count * k // threads for k in range(threads + 1)]
-    side_by_side(lambda k: run(slice(ends[k], ends[k + 1])), threads)
+    return side_by_side(lambda k: run(slice(ends[k], ends[k + 1])), threads)
 
 
-def side_by_side(run: Callable[[int], T], threads: int, count: int | None = None) -> list[T]:
-    """Call `run` on 0 to `threads` - 1, each in a thread of its own; return the results in order.
-
-    `count`: the rows of all calls together; if they are too few for so many threads, one call follows the other.
-    """
-    if threads == 1 or (count is not None and worthwhile(threads, count) < threads):
-        return [run(k) for k in range(threads)]
+def side_by_side(run: Callable[[int], T], threads: int) -> list[T]:
+    """Call `run` on 0 to `threads` - 1, each in a thread of its own; return the results in order."""
+    if threads == 1:
+        return [run(0)]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(run, range(threads)))

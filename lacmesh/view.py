@@ -120,7 +120,6 @@ def plotter(
     values: Values | None = None,
     camera: Vector | None = None,
     explode: float | None = None,
-    tilt: float | None = None,
     cutaway: Vector | None = None,
     bodies: str | None = None,
     title: str | None = None,
@@ -132,11 +131,11 @@ def plotter(
     `slave`, `master`: groups whose faces are coloured (default: all slave faces of a cut, no master; each slave face
     has its own colour in a mesh that carries no cut). `findings`: those of `lacmesh check`; the cells that errors name
     are red, those of warnings orange, skins are paler. `values`: a value for each cell, on a ramp of colours. `camera`:
-    the direction from the mesh to the eye. `tilt`: degrees by which the bodies that carry slave faces are turned to
-    show them, `explode`: the gap then left between these bodies and the others, in diagonals of the mesh. By default
-    both are what shows the skin, and 0 where no other body hides it. `cutaway`: cells beyond the middle in this
-    direction are left out. `bodies`: `solid`, `ghost` (see-through) or `hidden`; by default solid, or ghosts where
-    nothing can be moved to show the slave skin. `title`: a line above. `size`: pixels.
+    the direction from the mesh to the eye. `explode`: the gap by which bodies with slave faces are moved off the
+    others, in diagonals of the mesh; by default they stay, but in a plane with a master. `cutaway`: cells beyond the
+    middle in this direction are left out. `bodies`: `solid`, `ghost` (see-through) or `hidden`; by default solid, or
+    ghosts where others hide the slave skin, unless they have the colours of values. `title`: a line above. `size`:
+    pixels.
 
     Raises RequestError where pyvista is missing, GroupNotFoundError, DataError for places too far away, WriteError
     where nothing can be drawn.
@@ -146,13 +145,16 @@ def plotter(
         check_renderer()
     drawing = Drawing(mesh, slave, master, cutaway, size, off_screen)
     eye = drawing.eye(camera)
-    moved, bodies = drawing.arrange(eye, explode, tilt, bodies)
+    moved = drawing.move_apart(explode)
+    if bodies is None:
+        see_through = drawing.hidden and drawing.whole and not drawing.plane and (values is None or values.on_skin)
+        bodies = "ghost" if see_through else "solid"
     listed = None if findings is None else list(findings)
     drawing.add_bodies(OPACITY[bodies], values)
     drawing.add_skins(values, pale=any(finding.severity != "info" for finding in listed or ()))
     drawing.add_findings(listed)
     title = drawing.title if title is None else title
-    drawing.add_words(f"{title} ({moved})" if title and moved else title)
+    drawing.add_words(f"{title} (opened)" if title and moved else title)
     drawing.set_camera(eye)
     return drawing.plot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from lacmesh import Mesh, generate, raise_order
+from lacmesh import Mesh, generate, measure_quality, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 
@@ -13,6 +13,11 @@ from lacmesh.reference.quadrature import measure
 def pad(points):
     points = np.asarray(points, float)
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
+def worst(mesh):
+    """The least corner Jacobian of the cells of a mesh."""
+    return min(t.measures["corner_jacobian"].least for t in measure_quality(mesh).types if t.poor is not None)
 
 
 def affine(points, seed=0):

@@ -68,26 +68,3 @@ def degenerate(name, seed=1, k=200):
     lattice = [rng.integers(-2, 3, (k, n, 3)) * np.array(mask, float) for mask in ((1, 1, 1), (1, 1, 0), (1, 0, 0))]
     known = [ref, 0 * ref, 0 * ref + 1, ref * [1, 1, 0], ref * [1, 0, 1], ref * [1, 1, -1]]
     return np.concatenate([collapsed, *lattice, np.array(known)])
-
-
-def near_ideal(name, seed=2, k=200):
-    """(4 k + m, n, 3): regular and right cells, stretched, sheared, and nearly so, turned and of any size.
-
-    The m last lie on the axes, undistorted, as a mesher leaves them.
-    """
-    rng = np.random.default_rng(seed)
-    ref = np.array(IDEAL[name])
-    flat = CELLS[name].dim == 2
-    heights = np.array([(1, 1, z) for z in (0.1, 0.5, 0.8, 0.9, 0.95, 1, 1.05, 1.1, 1.25, 2, 10)])
-    wide = np.array([(x, y, 1) for x in (0.5, 1, 2) for y in (0.5, 0.9, 1, 3)])
-    on_axes = (
-        ref * np.concatenate([heights, wide])[:, None] * rng.choice([0.25, 1, 8], (len(heights) + len(wide), 1, 1))
-    )
-    right = ref * heights[rng.integers(0, len(heights), k), None]
-    boxes = ref * rng.uniform(0.5, 2, (k, 1, 3))
-    shear = np.eye(3) + np.triu(rng.uniform(-0.5, 0.5, (k, 3, 3)), 1) * ([1, 1, 0] if flat else 1)
-    sheared = np.einsum("nj,kij->kni", ref, shear)
-    nearly = ref + rng.normal(size=(k, *ref.shape)) * 10.0 ** rng.uniform(-12, -2, (k, 1, 1))
-    cells = np.concatenate([right, boxes, sheared, nearly])
-    turned = np.array([x @ rotation(rng).T for x in cells]) * rng.lognormal(0, 2, (len(cells), 1, 1))
-    return np.concatenate([turned, on_axes])

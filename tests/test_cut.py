@@ -14,11 +14,11 @@ from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin, generate, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
-from lacmesh.quality import validity_of, worst
+from lacmesh.quality import validity_of
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
 from tests import properties
-from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
+from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate, worst
 from tests.samples import samples
 from tests.test_cut_cells import in_file
 
@@ -341,7 +341,7 @@ def test_auto_takes_the_variant_whose_worst_child_is_better(height):
     mesh = cube(1, lambda top: top, slave=[0])
     mesh = replace(mesh, points=mesh.points * [1, 1, height])
     cuts = {hexa: cut_skin(mesh, "slave", hexa=hexa).mesh for hexa in VARIANTS}
-    least = {hexa: worst(cut, np.arange(cut.n_cells)) for hexa, cut in cuts.items()}
+    least = {hexa: worst(cut) for hexa, cut in cuts.items()}
     assert least["auto"] == max(least["pyramid"], least["hexa"]) and least["pyramid"] != least["hexa"]
 
 

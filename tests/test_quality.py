@@ -23,12 +23,11 @@ from lacmesh.quality import (
     validity,
     validity_at,
     validity_of,
-    worst,
 )
 from lacmesh.quality.geometry import OWN
 from lacmesh.quality.measures import ACCEPTED, SCALES, default_measures, primary_metric
-from lacmesh.quality.statistics import histogram, statistics
-from lacmesh.quality.summary import PLACES
+from lacmesh.quality.summary import PLACES, histogram, statistics
+from lacmesh.reference import quadrature
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, jacobian
 from tests.meshes import box, pad
@@ -93,9 +92,7 @@ def test_sizes_and_angles_of_ideal_cells(name):
     assert jacobian_at_corners[0] == corner_jacobian(name, 7.5 * x + 3)[0] == pytest.approx(1, abs=1e-13)
     assert least[0] == pytest.approx(low, abs=1e-9) and largest[0] == pytest.approx(high, abs=1e-9)
     assert ratio[0] == pytest.approx(1, abs=1e-12)
-    for measure in ("area", "volume"):
-        if measure in measures_of(name):
-            assert measured(name, x, [measure])[measure][0] == pytest.approx(size, abs=1e-14)
+    assert quadrature.measure(name, x)[0] == pytest.approx(size, abs=1e-14)
 
 
 # ---- what changes nothing, what mirrors
@@ -275,8 +272,8 @@ def _symmetries(cell):
 def test_without_pyvista_the_measures_of_vtk_are_refused_by_name(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
     x = ideal("HEXA8")
-    assert measured("HEXA8", x, default_measures("HEXA8"))["volume"] == pytest.approx(1)
-    for names, words in ((["oddy"], r"'oddy' needs .*lacmesh\[view\]"), (None, "diagonal, dimension,")):
+    assert measured("HEXA8", x, default_measures("HEXA8"))["corner_jacobian"] == pytest.approx(1)
+    for names, words in ((["oddy"], r"'oddy' needs .*lacmesh\[view\]"), (None, "condition, diagonal,")):
         with pytest.raises(RequestError, match=words):
             measured("HEXA8", x, names)
     code = "import sys, lacmesh; lacmesh.measure_quality('data/two_blocks.msh'); print('pyvista' in sys.modules)"
@@ -289,7 +286,7 @@ def test_without_pyvista_the_measures_of_vtk_are_refused_by_name(monkeypatch):
 def test_the_statistics_are_numpys():
     rng = np.random.default_rng(8)
     values = rng.uniform(-0.2, 1, 1001)
-    s = statistics("scaled_jacobian", values, (0.5, 1))
+    s = statistics("corner_jacobian", values, (0.5, 1))
     np.testing.assert_allclose(s.percentiles, np.percentile(values, (1, 5, 50, 95, 99)))
     assert (s.least, s.largest) == (values.min(), values.max()) and s.mean == pytest.approx(values.mean())
     assert s.outside == (values < 0.5).sum() and s.median == np.median(values)
@@ -304,7 +301,7 @@ def test_infinite_and_missing_values_are_told_apart():
     none = statistics("condition", np.array([1e30]))
     assert none.count == 0 and np.isnan(none.mean) and none.as_json()["min"] is None
     assert histogram("volume", np.array([2.0, 2.0])).counts[0] == 2
-    assert sum(histogram("scaled_jacobian", np.array([1 + 1e-15, -1e-18])).counts) == 2
+    assert sum(histogram("corner_jacobian", np.array([1 + 1e-15, -1e-18])).counts) == 2
 
 
 # ---- a mesh
@@ -331,11 +328,11 @@ def test_a_mesh_by_type_and_by_group(mixed):
     of_group = {g: [t.type for t in types] for g, types in q.groups.items()}
     assert of_group == {"body": ["HEXA8"], "some": ["HEXA8", "TETRA4"], "skin": ["QUAD4"]}
     hexa = by_type["HEXA8"]
-    value = measure_cells("HEXA8", mixed.points, mixed.block("HEXA8"), ["scaled_jacobian"])["scaled_jacobian"]
+    value = measure_cells("HEXA8", mixed.points, mixed.block("HEXA8"), ["corner_jacobian"])["corner_jacobian"]
     valid = validity_of(mixed)
     assert hexa.invalid == (valid[:8] <= 0).sum()
     assert hexa.poor == ((valid[:8] > 0) & (value < 0.1)).sum()
-    assert hexa.measures["scaled_jacobian"].least == value.min()
+    assert hexa.measures["corner_jacobian"].least == value.min()
     worst = hexa.worst[0]
     assert worst.number == 100 + valid[:8].argmin() and "body" in worst.groups and set(worst.invalid_at) <= set(PLACES)
     assert worst.centroid == pytest.approx(mixed.points[mixed.block("HEXA8")[valid[:8].argmin()]].mean(axis=0))
@@ -377,13 +374,12 @@ def test_the_worst_are_the_worst():
     """Invalid cells by validity, then the others by what ranks them; the same by a full sort."""
     mesh = generate.box(6).only("body").moved(lambda x: x + 0.03 * np.random.default_rng(9).normal(size=x.T.shape).T)
     (t,) = measure_quality(mesh).types
-    found = measure_cells("HEXA8", mesh.points, mesh.block("HEXA8"), ["validity", "scaled_jacobian"])
+    found = measure_cells("HEXA8", mesh.points, mesh.block("HEXA8"), ["validity", "corner_jacobian"])
     invalid = found["validity"] <= 0
     key = np.where(invalid, found["validity"], np.inf)
-    order = np.lexsort((found["scaled_jacobian"], key))[:10] + 1
+    order = np.lexsort((found["corner_jacobian"], key))[:10] + 1
     assert [w.number for w in t.worst] == order.tolist()
     assert 0 < invalid.sum() < 10  # both kinds are among them
-    assert np.isnan(worst(mesh, np.empty(0, int))) and worst(mesh, np.arange(5)) <= 1
 
 
 def test_nodes_without_a_place(mixed):
@@ -391,7 +387,7 @@ def test_nodes_without_a_place(mixed):
     points[mixed.block("HEXA8")[0, 0]] = np.nan
     q = measure_quality(replace(mixed, points=points))
     hexa = q.types[0]
-    assert hexa.measures["scaled_jacobian"].undefined == 1 and np.isnan(hexa.worst[0].validity)
+    assert hexa.measures["corner_jacobian"].undefined == 1 and np.isnan(hexa.worst[0].validity)
     assert json.dumps(q.as_json(), allow_nan=False)
 
 

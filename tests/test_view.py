@@ -136,43 +136,29 @@ def test_a_cut_shows_its_macros_and_internal_nodes_and_the_master_a_colour_of_it
 # ---- places and the camera
 
 
-def test_a_hidden_skin_is_turned_towards_the_eye_and_one_that_nothing_hides_stays():
+def test_bodies_move_apart_where_a_gap_is_given():
     mesh = cut_skin(two_cubes(), "slave").mesh
-    drawing = drawing_of(mesh)
-    eye = drawing.eye(None)
-    assert drawing.arrange(eye, None, None, None) == ("opened, tilted", "solid")
-    skin = drawing.part(drawing.slaves).extract_surface(algorithm="dataset_surface")
-    angle = np.abs(skin.compute_normals().cell_normals @ eye)
-    assert angle == pytest.approx(np.cos(np.radians(40.0)), rel=1e-6)
-    assert skin.points[:, 2].min() > 0.1
     moved = drawing_of(mesh)
-    assert moved.arrange(eye, 0.5, 0.0, "solid")[0] == "opened"
-    x = moved.part(moved.slaves).points
-    assert x[:, 2] == pytest.approx(0.5 * np.sqrt(6)) and drawing_of(mesh).arrange(eye, 0.0, 0.0, "solid")[0] == ""
-    for words, alone in (("no other body", cut_skin(cube(2), "slave").mesh), ("no other body", two_cubes())):
+    assert moved.move_apart(0.5) and not drawing_of(mesh).move_apart(None)
+    assert moved.part(moved.slaves).points[:, 2] == pytest.approx(0.5 * np.sqrt(6))
+    assert drawing_of(generate.stack(generate.rectangle(2), generate.rectangle(2)), "slave", "master").move_apart(None)
+    alone = cut_skin(cube(2), "slave").mesh
+    for words, other in (("no other body", alone), ("no other body", two_cubes()), ("every way", sandwich())):
         with pytest.warns(LacmeshWarning, match=f"moves nothing.* {words}"):
-            drawing_of(alone).arrange(eye, 0.5, 30, None)
-
-
-BELOW = {"camera": (1, -1, 1), "explode": 0, "tilt": 0}
+            drawing_of(other, "slave" if other.zones or words == "every way" else None).move_apart(0.5)
 
 
 @pytest.mark.parametrize(
-    ("mesh", "slave", "options", "moved", "bodies"),
-    [
-        (sandwich, "slave", {}, "", "ghost"),  # a skin on both sides of a body
-        (two_cubes, "slave", BELOW, "", "ghost"),  # an underside where bodies stay
-        (two_cubes, "slave", {}, "opened, tilted", "solid"),
-        (cube, "slave", {}, "", "solid"),
-        (flange, "face_upper", {}, "opened, tilted", "solid"),
-        (flange, "nut", {}, "", "ghost"),  # above it the bolt hides the skin by itself, however it is moved
-        (flange, ["face_upper", "nut", "head"], {}, "", "ghost"),
-    ],
+    ("mesh", "slave", "bodies"),
+    [(sandwich, "slave", "ghost"), (two_cubes, "slave", "ghost"), (cube, "slave", "solid"), (flange, "nut", "ghost")],
 )
-def test_bodies_are_ghosts_where_nothing_can_be_moved_to_show_the_slave(mesh, slave, options, moved, bodies):
-    drawing = drawing_of(mesh(), slave)
-    eye = drawing.eye(options.get("camera"))
-    assert drawing.arrange(eye, options.get("explode"), options.get("tilt"), None) == (moved, bodies)
+def test_bodies_are_ghosts_where_others_hide_the_slave(mesh, slave, bodies):
+    plot = plotter(mesh(), slave=slave, size=SMALL)
+    assert drawn(plot)[0][2] == OPACITY[bodies]
+    plot.close()
+    plot = plotter(mesh(), slave=slave, values=cell_values(mesh()), size=SMALL)
+    assert drawn(plot)[0][2] == 1.0
+    plot.close()
 
 
 def test_bodies_may_be_seen_through_or_hidden_and_have_the_names_of_their_groups():

@@ -13,14 +13,13 @@ from lacmesh.checks.findings import Place, counted, figures, rule
 from lacmesh.checks.request import PLACE, Bools, Request
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import some
-from lacmesh.mesh import Block, Ints, Mesh, concatenated, mask_of, places_of
+from lacmesh.mesh import Ints, concatenated, mask_of, places_of
 from lacmesh.reference.quadrature import signed_area
 from lacmesh.topology.facets import CROWDED, FACETS
 from lacmesh.topology.skin import lacking, mixed_bits
 
 _WORST = 5
 _NEITHER = -1
-_PIECE = 1 << 14
 
 
 @rule("no-cells", "error", "give the mesh of a body")
@@ -73,7 +72,7 @@ def sizes(request: Request) -> dict[str, Any]:
 
 
 class _Validity(NamedTuple):
-    """Cells by their validity, and the scaled Jacobian (n_cells,) of each; cells of no other list are good."""
+    """Cells by their validity, and the corner Jacobian (n_cells,) of each; cells of no other list are good."""
 
     repeated: Ints
     invalid: Ints
@@ -86,7 +85,10 @@ class _Validity(NamedTuple):
 
 def _validity(request: Request) -> _Validity:
     """Examine the Jacobian determinants of all cells where solvers evaluate them."""
-    from lacmesh.quality.determinant import validity_among  # not for those who ask how cells fit together alone
+    from lacmesh.quality.geometry import (
+        own_measures,
+        validity_among,  # not for those who ask how cells fit together alone
+    )
     from lacmesh.quality.measures import POOR
 
     mesh = request.mesh
@@ -102,7 +104,7 @@ def _validity(request: Request) -> _Validity:
             continue
         value[cells] = validity_among(block.type, mesh.points, block.nodes).least
         if CELLS[block.type].dim == mesh.dim:
-            quality[cells] = _quality(mesh, block)
+            quality[cells] = own_measures(block.type, mesh.points, block.nodes, ["corner_jacobian"])["corner_jacobian"]
         if CELLS[block.type].dim == 2 == mesh.dim and mesh.space_dim == 2:
             negative[cells] = signed_area(block.type, mesh.points[block.nodes]) < 0
     worst = float(np.fmin.reduce(quality[known], initial=1.0))
@@ -118,17 +120,6 @@ def _validity(request: Request) -> _Validity:
         quality=quality,
         worst=worst,
     )
-
-
-def _quality(mesh: Mesh, block: Block) -> NDArray:
-    """Scaled Jacobian of the cells of a block, as in `lacmesh quality`; that at the corners for quadratic cells."""
-    from lacmesh.quality import corner_jacobian
-    from lacmesh.quality.measures import measure_cells
-
-    if CELLS[block.type].order == 1:
-        return measure_cells(block.type, mesh.points, block.nodes, ["scaled_jacobian"])["scaled_jacobian"]
-    starts = range(0, len(block.nodes), _PIECE)
-    return np.concatenate([corner_jacobian(block.type, mesh.points[block.nodes[s : s + _PIECE]]) for s in starts])
 
 
 @rule("repeated-node", "error", "replace the cell by one of a simpler type")
@@ -165,7 +156,7 @@ def clockwise_cells(request: Request) -> Iterator[Place]:
 
 @rule("poor-cell", "warning", "improve the mesh there, or try the other variant of the cut (--hexa)")
 def poor_cells(request: Request) -> Iterator[Place]:
-    """The scaled Jacobian of the cell is below 0.1 (1: ideal), whatever its type: its stiffness is badly conditioned,
+    """The corner Jacobian of the cell is below 0.1 (1: ideal), whatever its type: its stiffness is badly conditioned,
     its stresses are inaccurate.
     """
     from lacmesh.quality.measures import POOR
@@ -183,12 +174,12 @@ def poor_cells(request: Request) -> Iterator[Place]:
         other = ", or cut with --hexa auto" if families & {"HEXA", "PYRAM"} else ""
         advice = f"{len(children):,} of them come from subdivision; improve the mesh there{other}"
     message = counted(len(cells), "cell has", "cells have")
-    yield Place(f"{message} a scaled Jacobian below {POOR}, worst first: {listed}; {advice}", worst)
+    yield Place(f"{message} a corner Jacobian below {POOR}, worst first: {listed}; {advice}", worst)
 
 
 @figures()
 def validity_figures(request: Request) -> dict[str, Any]:
-    """Return the number of cells that are not valid, and the worst scaled Jacobian."""
+    """Return the number of cells that are not valid, and the worst corner Jacobian."""
     validity = request.once(_validity)
     return {"invalid_cells": len(validity.invalid) + len(validity.inverted), "worst_quality": validity.worst}
 

@@ -96,7 +96,7 @@ def _figures(s: Any) -> Iterator[tuple[str, str]]:
     if "bodies" in s:
         yield "bodies", f"{s['bodies']:,}"
     if "worst_quality" in s:
-        yield "worst scaled Jacobian", f"{s['worst_quality']:.3f}"
+        yield "worst corner Jacobian", f"{s['worst_quality']:.3f}"
     for pair in (s, *s.get("pairs", ())):
         if pair is not s:
             yield "pair", f"{pair['slave']} on {pair['master']}"

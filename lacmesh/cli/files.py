@@ -159,7 +159,7 @@ def partition(
     $ lacmesh partition part.med -n 64 --method metis -o parts
     """
     from lacmesh.partition import describe_parts, distribute_nodes
-    from lacmesh.partition.owners import distribute_by_metis
+    from lacmesh.partition.parts import distribute_by_metis
     from lacmesh.partition.store import FILE, check_folder, write_parts
 
     if not target:

@@ -80,8 +80,7 @@ def view(
         return
     with stage("draw"):
         if path.suffix.lower() == ".png":
-            tilt = 0.0 if explode == 0 else None
-            drawing.picture(mesh, path, size=pixels or (1600, 1000), tilt=tilt, title=title and name, **options)
+            drawing.picture(mesh, path, size=pixels or (1600, 1000), title=title and name, **options)
         else:
             drawing.page(mesh, path, title=name, **options)
     print(f"{path}: {path.stat().st_size / 1e6:.1f} MB; {stage.spent()}")

@@ -1,4 +1,17 @@
-"""The part of a mesh that one process needs: the cells that touch its own nodes, and skins that all processes need."""
+"""Parts of a mesh for several processes: the owner of each node, the cells that a process needs, and their cut.
+
+Nodes are distributed by recursive bisection of the coordinates, or by METIS on the graph of nodes. Bisection divides
+each box of nodes across its longest side, in the ratio of the processes on both sides. Berger and Bokhari, IEEE Trans.
+Comput. C-36 (1987) 570-580. Coordinates are compared on a lattice that divides the longest side of the box in 2^20, so
+that nodes in one plane of the model are in one plane here, wherever it lies and in whatever units. METIS cuts few edges
+of the graph. Karypis and Kumar, SIAM J. Sci. Comput. 20 (1998) 359-392. It needs pymetis.
+
+Each process cuts its own part, and the parts together are those of the whole cut. A cut changes the slave faces, the
+cells on them and the cells behind them, and nothing else. Where the slave groups are in every part (`Part.everywhere`),
+as the pairing of slave and master needs it anyway, each process cuts all of them: it knows every new node and every
+child in the order of the whole cut, and computes their indices and numbers without communication. What the variant of a
+hexahedron depends on, which spreads from face to face, is known to it too.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +23,107 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, Model, mask_of, positions
+from lacmesh.cutting.cut import cut_skin
+from lacmesh.errors import DataError, RequestError
+from lacmesh.joining import restrict
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, spec_list
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.skin import cells_of_dim
 
 Bools = NDArray[np.bool_]
+
+#: bits of the planes of the lattice along the longest side of a box
+_BITS = 20
+#: two sides whose lengths differ by less are of one length, relative to the longer one
+_EQUAL = 1e-6
+
+
+def distribute_nodes(mesh: Mesh, n: int) -> Ints:
+    """Return the rank (n_nodes,), 0 to n - 1, that owns each node, so that all ranks own about as many nodes.
+
+    All nodes are distributed together, whatever body they belong to, and those of no cell too; the result does not
+    depend on the position or the units of the model. Nodes at one place are taken in the order of the mesh. Raises
+    RequestError if there are fewer nodes than ranks, DataError for coordinates that are not finite.
+
+    >>> row = Mesh.create([[0, 0], [4, 0], [1, 0], [3, 0], [2, 0]], [("POI1", [[0]])])
+    >>> distribute_nodes(row, 2)
+    array([0, 1, 0, 1, 1], dtype=int32)
+    """
+    _check_count(mesh, n)
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = np.isfinite(np.ptp(mesh.points, axis=0)).all() if mesh.n_nodes else True
+    if not finite:
+        node = mesh.node_number[np.nan_to_num(np.abs(mesh.points), nan=np.inf).max(axis=1).argmax()]
+        raise DataError(f"node {node} has a coordinate that is not finite, or is huge; repair or remove it")
+    return bisect(np.ascontiguousarray(mesh.points.T), n)
+
+
+def _check_count(mesh: Mesh, n: int) -> None:
+    if not 1 <= n <= max(mesh.n_nodes, 1):
+        raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
+
+
+def bisect(x: Floats, n: int) -> Ints:
+    """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to."""
+    box = np.zeros(x.shape[1], np.int32)
+    left = [(np.arange(x.shape[1]), x, 0, n)]
+    while left:
+        nodes, x, first, count = left.pop()
+        if count == 1:
+            box[nodes] = first
+            continue
+        low = count // 2
+        lower = _lower_points(x, len(nodes) * low // count)
+        left.append((nodes[lower], np.compress(lower, x, axis=1), first, low))
+        left.append((nodes[~lower], np.compress(~lower, x, axis=1), first + low, count - low))
+    return box
+
+
+def _lower_points(x: Floats, size: int) -> NDArray[np.bool_]:
+    """Return a mask (k,) of the first `size` (>= 1) of the points x (3, k) along the longest side of their box.
+
+    Of points in one plane across it the other coordinates decide, of points at one place their order.
+    """
+    corner = x.min(axis=1)
+    sides = x.max(axis=1) - corner
+    longest = sides.max()
+    axis = int(np.argmax(sides >= (1 - _EQUAL) * longest))
+    key = np.zeros(x.shape[1], np.int64)
+    for k in (axis, (axis + 1) % 3, (axis + 2) % 3):
+        key <<= _BITS + 1
+        key += np.rint((x[k] - corner[k]) / (longest or 1.0) * 2**_BITS).astype(np.int64)
+    last = np.partition(key, size - 1)[size - 1]
+    lower = key < last
+    lower[np.flatnonzero(key == last)[: size - np.count_nonzero(lower)]] = True
+    return lower
+
+
+def distribute_by_metis(mesh: Mesh, n: int) -> Ints:
+    """Return the rank (n_nodes,), 0 to n - 1, that owns each node, by METIS.
+
+    Raises RequestError if pymetis is not installed or there are fewer nodes than ranks, DataError if METIS leaves a
+    rank without nodes.
+    """
+    try:
+        import pymetis
+    except ImportError:
+        raise RequestError("the method metis needs pymetis: pip install 'lacmesh[metis]'") from None
+    from scipy.sparse import coo_array
+
+    _check_count(mesh, n)
+    cells = list(cells_of_dim(mesh, mesh.dim))
+    node = np.concatenate([np.empty(0, np.int64), *(nodes.ravel() for _, nodes, _ in cells)])
+    cell = np.concatenate([np.empty(0, np.int64), *(np.repeat(index, nodes.shape[1]) for _, nodes, index in cells)])
+    member = coo_array((np.ones(len(node), np.int32), (cell, node)), shape=(mesh.n_cells, mesh.n_nodes)).tocsr()
+    graph = (member.T @ member).tocsr()  # nodes that share a cell of the highest dimension
+    graph.setdiag(0)
+    graph.eliminate_zeros()
+    owner = np.asarray(pymetis.part_graph(n, xadj=graph.indptr, adjncy=graph.indices)[1], np.int32)
+    count = np.bincount(owner, minlength=n)
+    if not count.all():
+        raise DataError(f"METIS leaves {np.count_nonzero(count == 0)} of {n} parts without nodes; ask for fewer parts")
+    return owner
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,41 +284,69 @@ def skin_name(mesh: Mesh, spec: str) -> str:
     return spec if spec.startswith("entity:") and spec not in mesh.cell_groups else mesh.group(spec)
 
 
-def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
-    """Return a mesh of some of the nodes and cells, by their indices, ascending; all nodes of the cells are among them.
+def cut_part(part: Part, slave: str | Sequence[str], **options: Any) -> Part:
+    """Cut the slave groups in a part of a mesh; return the part of the mesh that `cut_skin` makes of the whole mesh.
 
-    Blocks, groups and data that have nothing left are still there, and empty.
+    `slave` and the options `hexa`, `macro`, `crease_angle` and `dirichlet` are as for `cut_skin`. A new node
+    belongs to the owner of the first node of the face or cell that it was put into (`Origin`). A part of a cut mesh
+    is returned unchanged; an earlier cut without records is not recognised. Raises RequestError for a slave group
+    that is not in every part, and what `cut_skin` raises, on every process alike.
     """
-    rows = np.split(cells, np.searchsorted(cells, mesh.offsets[1:-1]))
+    specs = spec_list(slave)
+    missing = [spec for spec in specs if skin_name(part.mesh, spec) not in part.everywhere]
+    if missing:
+        raise RequestError(f"slave {missing[0]!r} is not in every part; read the parts with everywhere={specs}")
+    if part.mesh.zones:
+        cut_skin(part.mesh, specs)
+        return part
+    cut = cut_skin(part.mesh, specs, recognise=False, **options)
+    old, origin = part.mesh, cut.origin
+    assert origin is not None
+    more = cut.mesh.points[old.n_nodes :]
+    nodes = np.concatenate([part.node, part.n_nodes + np.arange(len(more))])
+    cells, types = _cells_of_whole(part, cut.mesh, mask_of(old.n_cells, origin.cell[origin.children]))
+    owner, body = part.owner[origin.node], part.body[origin.node]
+    new = _numbered(part, cut.mesh)
+    node, cell = needed(new, owner == part.rank, part.everywhere)
     return replace(
-        mesh,
-        points=mesh.points[nodes],
-        blocks=tuple(
-            block._replace(nodes=positions(nodes, block.nodes[of_block - start]).astype(block.nodes.dtype))
-            for block, of_block, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
-        ),
-        node_number=mesh.node_number[nodes],
-        cell_number=mesh.cell_number[cells],
-        file_order=None if mesh.file_order is None else _common(cells, mesh.file_order),
-        cell_groups={name: _common(cells, members) for name, members in mesh.cell_groups.items()},
-        node_groups={name: _common(nodes, members) for name, members in mesh.node_groups.items()},
-        cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
-        node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        model=_periodic_among(mesh.model, nodes),
-        deck=None,
+        part,
+        mesh=restrict(new, node, cell),
+        node=nodes[node],
+        owner=owner[node],
+        cell=cells[cell],
+        body=body[node],
+        n_nodes=part.n_nodes + len(more),
+        types=types,
+        largest_node=max(part.largest_node, int(new.node_number.max(initial=0))),
+        largest_cell=max(part.largest_cell, int(new.cell_number.max(initial=0))),
+        used=bounds_of(np.vstack([part.used, more])),
+        box=bounds_of(np.vstack([part.box, more])),
     )
 
 
-def _common(index: Ints, members: Ints) -> Ints:
-    """Return the positions in `index` of those members that are there."""
-    place = positions(index, members)
-    return place[place >= 0]
+def _cells_of_whole(part: Part, new: Mesh, removed: Bools) -> tuple[Ints, tuple[tuple[str, int], ...]]:
+    """Return the index of each cell of `new` in the whole cut mesh, and the types of that with their numbers of cells.
+
+    A block has the cells that stay, in their old order, and then the children, all of which are in the part.
+    `removed` (c,): cells of the part that children replace.
+    """
+    old, indices, types, start, before = part.mesh, [], [], 0, 0
+    for k, block in enumerate(new.blocks):
+        rows, count = (slice(*old.offsets[k : k + 2]), part.types[k][1]) if k < len(old.blocks) else (slice(0), 0)
+        cells, out = part.cell[rows], removed[rows]
+        stay = cells[~out] - before - np.searchsorted(cells[out], cells[~out])
+        n_stay, n_children = count - int(out.sum()), len(block.nodes) - len(stay)
+        indices += [start + stay, start + n_stay + np.arange(n_children)]
+        types.append((block.type, n_stay + n_children))
+        start, before = start + n_stay + n_children, before + count
+    return concatenated(indices), tuple(types)
 
 
-def _periodic_among(model: Model | None, nodes: Ints) -> Model | None:
-    """Return the model with those pairs of periodic nodes that are both among `nodes`, by their positions there."""
-    if model is None:
-        return None
-    pairs = [positions(nodes, link.nodes) for link in model.periodic]
-    links = [replace(link, nodes=p[(p >= 0).all(axis=1)]) for link, p in zip(model.periodic, pairs, strict=True)]
-    return replace(model, periodic=tuple(links))
+def _numbered(part: Part, new: Mesh) -> Mesh:
+    """Return the cut mesh with the numbers of the whole cut: those of new nodes and cells follow its largest ones."""
+    added = new.n_nodes - part.mesh.n_nodes
+    nodes = part.largest_node + 1 + np.arange(added)
+    largest = int(part.mesh.cell_number.max(initial=0))
+    cells = new.cell_number.astype(np.int64)
+    cells[cells > largest] += part.largest_cell - largest
+    return replace(new, node_number=np.concatenate([part.mesh.node_number, nodes]), cell_number=cells)

@@ -1,15 +1,13 @@
 """Quality of cells: their validity, their quality measures, and the statistics of these over a mesh.
 
-validity = the least Jacobian determinant where solvers evaluate it               (`determinant`)
-geometry = the measures that lacmesh computes, such as the least corner Jacobian   (`geometry`)
-measures = all measures by name, Verdict's by pyvista among them                   (`measures`)
-quality = statistics of the measures, by type and by group, and the worst cells    (`summary`)
+geometry = the measures that lacmesh computes, such as validity and the least corner Jacobian (`geometry`)
+measures = all measures by name, Verdict's by pyvista among them                              (`measures`)
+quality = statistics of the measures, by type and by group, and the worst cells               (`summary`)
 """
 
 from __future__ import annotations
 
-from lacmesh.quality.determinant import Validity, validity, validity_at, validity_of
-from lacmesh.quality.geometry import corner_jacobian, worst
+from lacmesh.quality.geometry import Validity, corner_jacobian, validity, validity_at, validity_of
 from lacmesh.quality.measures import measure_cells, measures_of
 from lacmesh.quality.summary import Quality, measure_quality
 
@@ -23,5 +21,4 @@ __all__ = [
     "validity",
     "validity_at",
     "validity_of",
-    "worst",
 ]

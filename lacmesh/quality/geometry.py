@@ -1,4 +1,16 @@
-"""Measures that lacmesh computes, of cells of dimension 2 and 3: corner and scaled Jacobian, edge ratio, angles, size.
+"""Measures that lacmesh computes: validity, the least Jacobian determinant; corner Jacobian, edge ratio, angles.
+
+A cell is invalid where the Jacobian determinant of its map is <= 0. Validity is computed at the corners, at the other
+nodes (mid-nodes, centres), and at the common integration points: 2 per direction for lines, quadrangles and hexahedra,
+2 and 3 for quadratic ones; 1 for a triangle, 3, 6 and 7 for a quadratic one; 1 for a tetrahedron, 4 and 14 for a
+quadratic one; 3 by 2 for a prism, and 7 by 3; conical products for pyramids.
+These sets are symmetric, so that the order in which a cell lists its nodes does not matter. The determinant of a
+surface cell is the component of its normal along the cell's mean normal, that of a line the component of its tangent
+along the mean tangent. These are samples, not a bound: between them the determinant may be lower.
+
+At a pyramid's apex the gradient depends on the direction of approach; its limits along the four edges that meet there
+are used. On a ray x = u w, y = v w, w = 1 - z the gradient is linear in w (constant for PYRAM5, whose base corners
+therefore give the same value), so that the limit is exactly 2 g(w) - g(2 w).
 
 The corner Jacobian is one number for the quality of a cell, scaled for each type to 1 for its ideal cell. At a corner
 the tangents of the edges are normalised and their determinant is computed (Knupp, Int. J. Numer. Meth. Engng 48, 2000);
@@ -12,10 +24,9 @@ edges; a dihedral angle of a solid is that between two facets at either end of t
 planes that are tangent to the edges there. All are in degrees, 0 to 180, without sign. Corners with an edge of zero
 length are left out; NaN if all are.
 
-Scaled Jacobian, aspect ratio, area and volume of linear cells are Verdict's (Stimpson et al., *The Verdict Library
-Reference Manual*, SAND2007-1751, 2007), also in what they give where a definition divides by nothing.
-
-Notation: a *way* 2 e + s runs along edge e from its end s; x (3, n, k) are the nodes of k cells, components first.
+Notation: dN (p, n, dim) gradients of the shape functions at p samples; a *way* 2 e + s runs along edge e from its end
+s; x (3, n, k) are the nodes of k cells. Vectors have their components first, arrays (3, ...), so that each component is
+contiguous: numpy's own functions take them along the last axis, which takes several times as long for many of them.
 """
 
 from __future__ import annotations
@@ -23,41 +34,159 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quality.determinant import as_points, by_pieces
-from lacmesh.reference.vectors import cross, dot, norm, over
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient
+from lacmesh.threads import in_threads
 
-#: Verdict's infinity, and what it reports where a definition divides by nothing
-LARGEST = 1e30
-#: round-off relative to the quantities that a number is made of (Verdict takes it absolute, in the mesh's own unit)
-ROUND_OFF = float(10 * np.finfo(float).eps)
-_ROOT_2, _ROOT_3, _ROOT_6 = 2**0.5, 3**0.5, 6**0.5
+#: (family, order) -> degrees of the rules in use; 3 points a direction integrate to degree 5, 2 to degree 3
+_DEGREES = {
+    ("TRIA", 1): (1,),
+    ("TRIA", 2): (2, 4, 5),
+    ("TETRA", 1): (1,),
+    ("TETRA", 2): (2, 5),
+    ("PENTA", 1): (2,),
+    ("PENTA", 2): (2, 5),
+}
+#: round-off of a determinant, in units of the largest coordinate times the cell's extent to the power dim - 1
+_ROUND_OFF = 32 * np.finfo(float).eps
+#: numbers of nodes at a time, so that what is computed of a piece of the cells stays in the cache
+_PIECE = 1 << 11
+
+
+class Validity(NamedTuple):
+    """Least determinants (k,) at the corners, at the other nodes, at the integration points; see `validity`.
+
+    A linear cell has no other nodes: the value at its corners is repeated there.
+    """
+
+    corner: Floats
+    node: Floats
+    point: Floats
+
+    @property
+    def least(self) -> Floats:
+        """(k,): the least over all samples."""
+        return np.minimum(np.minimum(self.corner, self.node), self.point)
+
+
+def validity(name: str, x: Floats, plane: bool = False) -> Floats:
+    """(k,): least Jacobian determinant over corners, mid-nodes and integration points of cells at x (k, n_nodes, 3).
+
+    It is relative to the mean of its absolute value over the integration points: 1 for a parallelepiped or a straight
+    simplex, -1 for an inverted one, 0 for values within round-off of zero. The cell is valid if this is positive (NaN
+    coordinates give NaN). `plane`: surface cells are measured relative to +z, not to their own mean normal. Points, and
+    cells of higher order than 2, give 1.
+
+    >>> x = np.array([CELLS["TETRA10"].reference])
+    >>> round(float(validity("TETRA10", x)[0]), 12)
+    1.0
+    >>> x[0, 4] = [0.2, 0, 0]  # a mid-node beyond the quarter of its edge
+    >>> bool(validity("TETRA10", x)[0] < 0)
+    True
+    """
+    return validity_at(name, x, plane).least
+
+
+def validity_at(name: str, x: Floats, plane: bool = False) -> Validity:
+    """Compute `validity` separately for the corners, the other nodes and the integration points."""
+    return validity_among(name, *as_points(x), plane)
+
+
+def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
+    """(k,): `validity` of some cells of a mesh, or of all; surface cells relative to their own normal."""
+    chosen = np.arange(mesh.n_cells) if cells is None else np.asarray(cells)
+    by_cell = np.ones(mesh.n_cells)
+    for kind, which, nodes in mesh.select(chosen):
+        by_cell[which] = validity_among(kind, mesh.points, nodes).least
+    return by_cell[chosen]
+
+
+def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) -> Validity:
+    """Compute `validity_at` for cells with `nodes` (k, n) among `points` (p, 3)."""
+    if name not in CELLS or not CELLS[name].dim:
+        return Validity(*np.ones((3, len(nodes))))
+    dN, places = _samples(name)
+    return Validity(*by_pieces(lambda x: _least(dN, places, x, plane), points, nodes, 3))
+
+
+def as_points(x: Floats) -> tuple[Floats, Ints]:
+    """Points (k n, 3) and nodes (k, n) of cells with nodes at x (k, n, 3)."""
+    k, n = np.shape(x)[:2]
+    return np.asarray(x, dtype=float).reshape(-1, 3), np.arange(k * n).reshape(k, n)
+
+
+def by_pieces(measure: Callable[[Floats], Any], points: Floats, nodes: Ints, rows: int) -> NDArray:
+    """(rows, c): what `measure` gives for cells with `nodes` (c, n) among `points` (p, 3), a few cells at a time.
+
+    `measure` takes the nodes x (3, n, k) of some cells, and returns so many arrays (k,). It runs in threads.
+    """
+    out = np.empty((rows, len(nodes)))
+    size = max(1, _PIECE // nodes.shape[1])
+
+    def run(part: slice) -> None:
+        with np.errstate(all="ignore"):
+            for start in range(part.start, part.stop, size):
+                piece = slice(start, min(start + size, part.stop))
+                out[:, piece] = measure(np.ascontiguousarray(points[nodes[piece]].transpose(2, 1, 0)))
+
+    in_threads(run, len(nodes))
+    return out
+
+
+def _least(dN: NDArray, places: tuple[Ints, Ints, Ints], x: Floats, plane: bool) -> NDArray:
+    """(3, k): the rows of a `Validity` for cells at x (3, n, k)."""
+    det = determinants(dN, x, places[2], plane)
+    extent = (x.max(axis=1) - x.min(axis=1)).max(axis=0)
+    nothing = _ROUND_OFF * np.abs(x).max(axis=(0, 1)) * extent ** (dN.shape[2] - 1)
+    mean = np.abs(det[places[2]]).mean(axis=0)
+    least = np.stack([det[rows].min(axis=0) for rows in places])
+    least[np.abs(least) <= nothing] = 0
+    return np.divide(least, mean, out=least, where=least != 0)
+
+
+@cache
+def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
+    """dN (p, n, dim) at the samples, equal ones once; indices of corners, other nodes and integration points."""
+    cell = CELLS[name]
+    nodes = np.array(cell.reference)
+    apex = cell.family == "PYRAM"
+    degrees = _DEGREES.get((cell.family, cell.order)) or ((3,) if cell.order == 1 else (3, 5))
+    inner = np.concatenate([rule(cell.family, degree)[0] for degree in degrees])
+    corner = nodes[: 4 if apex else cell.n_corners]
+    parts = [gradient(name, corner), gradient(name, nodes[cell.n_corners :]), gradient(name, inner)]
+    if apex:
+        rays = np.array([(u, v) for u in (-1, 1) for v in (-1, 1)])
+        near, far = (gradient(name, np.column_stack([rays * w, np.full(4, 1 - w)])) for w in (0.25, 0.5))
+        parts[0] = np.concatenate([parts[0], 2 * near - far])
+    ends = np.cumsum([0, *(len(g) for g in parts)])
+    all_rows = np.concatenate(parts)
+    _, first, same = np.unique(np.round(all_rows, 12), axis=0, return_index=True, return_inverse=True)
+    corners, others, inside = (np.unique(same.ravel()[a:b]) for a, b in pairwise(ends))
+    return all_rows[first], (corners, others if len(others) else corners, inside)
+
+
 #: family -> the square of the determinant at a corner of its ideal cell
 _IDEAL = {"TRIA": 0.75, "QUAD": 1.0, "TETRA": 0.5, "HEXA": 1.0, "PENTA": 0.75, "PYRAM": 0.5}
 #: points and weights that measure a curved edge, on [0, 1] (Gauss, 3 points)
 _GAUSS = tuple(zip(0.5 + np.sqrt(0.15) * np.array([-1, 0, 1]), np.array([5, 8, 5]) / 18, strict=True))
-#: the four ways to take three corners of a pyramid's base, and the apex
-_PYRAMID_TETRAHEDRA = ((0, 1, 2, 4), (0, 2, 3, 4), (0, 1, 3, 4), (1, 2, 3, 4))
-#: type -> the aspect ratio of its ideal cell before it is scaled, and the size of the box around it over its own
-_ASPECT = {"TRIA3": (4 * _ROOT_3, 2), "QUAD4": (4.0, 1), "TETRA4": (6 * _ROOT_6, 6)}
 
 
 class Corners(NamedTuple):
-    """Corners of a cell type. `facets` (f, 4): those of each facet, of a surface its own; the first again after three.
+    """Corners of a cell type. `planes` (m, 2): the ways along both edges at each corner of each facet, or of a surface.
 
-    `planes` (m, 2): the ways along both edges at each corner of each facet. `frames` (c, 2): a plane at each corner of
-    a solid, and the way out of it. `angles` (a, 2): for each angle of a solid its two planes, at an end of an edge.
+    `frames` (c, 2): a plane at each corner of a solid, and the way out of it. `angles` (a, 2): for each angle of a
+    solid its two planes, at an end of an edge.
     """
 
-    facets: Ints
     planes: Ints
     frames: Ints
     angles: Ints
@@ -81,9 +210,8 @@ def corners_of(name: str) -> Corners:
         for three in combinations([w for ends, w in way.items() if ends[0] == c], 3):  # an apex has four of them
             k = next(k for k, pair in enumerate(planes) if set(pair) < set(three))
             frames.append((k, *set(three) - set(planes[k])))
-    facets = [t + t[:1] if len(t) == 3 else t for t in circles]
     angles = list(at_end.values()) if cell.dim == 3 else []
-    return Corners(np.array(facets), *(np.array(rows, int).reshape(-1, 2) for rows in (planes, frames, angles)))
+    return Corners(*(np.array(rows, int).reshape(-1, 2) for rows in (planes, frames, angles)))
 
 
 class Shapes:
@@ -146,12 +274,6 @@ class Shapes:
             cosines = np.where(dot(a, a) * dot(b, b) > 0, dot(a, b), np.nan)
         return np.clip(np.stack([np.fmin.reduce(cosines), np.fmax.reduce(cosines)]), -1.0, 1.0)
 
-    @cached_property
-    def facet_normals(self) -> Floats:
-        """(3, facets, k): normal of each facet of a linear cell, of a surface its own, as long as twice the area."""
-        a, b, c, d = (self.x[:, nodes] for nodes in self.corners.facets.T)
-        return cross(c - a, d - b)
-
 
 def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
     """(k,): least scaled Jacobian over the corners of cells with nodes at x (k, n_nodes, 3); 1 ideal, <= 0 invalid.
@@ -166,21 +288,12 @@ def corner_jacobian(name: str, x: Floats, plane: bool = False) -> Floats:
     return np.asarray(by_pieces(lambda piece: [_corner_jacobian(Shapes(name, piece, plane))], *as_points(x), 1)[0])
 
 
-def worst(mesh: Mesh, cells: Ints) -> float:
-    """Least corner Jacobian of some cells of a mesh; NaN if there are none to measure.
-
-    Cells of a plane mesh are measured relative to their own orientation, because many meshes list them clockwise.
-    """
-    parts = [(kind, nodes) for kind, _, nodes in mesh.select(cells) if kind in CELLS and CELLS[kind].dim > 1]
-    return min((float(corner_jacobian(kind, mesh.points[nodes]).min()) for kind, nodes in parts), default=float("nan"))
-
-
 def own_measures(name: str, points: Floats, nodes: Ints, measures: Iterable[str]) -> dict[str, NDArray]:
     """Return some measures of `OWN`, (c,) each, of cells with `nodes` (c, n) among points (p, 3).
 
     >>> x, nodes = np.array(CELLS["TETRA4"].reference), np.arange(4)[None]
-    >>> own_measures("TETRA4", x, nodes, ["min_dihedral", "volume"])
-    {'min_dihedral': array([54.73561032]), 'volume': array([0.16666667])}
+    >>> own_measures("TETRA4", x, nodes, ["min_dihedral", "edge_ratio"])
+    {'min_dihedral': array([54.73561032]), 'edge_ratio': array([1.41421356])}
     """
     names = list(measures)
 
@@ -209,90 +322,6 @@ def _edge_ratio(cells: Shapes) -> Floats:
     return np.where(shortest > 0, cells.lengths.max(axis=0) / shortest, np.inf)
 
 
-def _scaled_triangle(cells: Shapes) -> Floats:
-    """Area over the largest product of two edges."""
-    twice, (a, b, c) = norm(cells.facet_normals[:, 0]), cells.lengths
-    twice = np.where(twice > ROUND_OFF * cells.lengths.max(axis=0) ** 2, twice, 0.0)
-    return over(2 / _ROOT_3 * twice, np.maximum(np.maximum(a * b, b * c), c * a))
-
-
-def _scaled_quadrangle(cells: Shapes) -> Floats:
-    """Least component along the normal at the centre of the product of the edges at a corner, over their lengths.
-
-    Where the last two nodes coincide, that of the triangle.
-    """
-    edges, lengths, centre = cells.tangents[0], cells.lengths, cells.facet_normals[:, 0]
-    centre = over(centre, norm(centre))  # before the product, as in Verdict: at 180 degrees round-off decides
-    alpha = dot(centre[:, None], cross(np.roll(edges, 1, axis=1), edges))
-    least = over(alpha, np.roll(lengths, 1, axis=0) * lengths).min(axis=0)
-    return np.where(lengths[2] == 0, _scaled_triangle(Shapes("TRIA3", cells.x[:, :3])), least)
-
-
-def _scaled_tetrahedron(cells: Shapes) -> Floats:
-    """Determinant over the largest product of three edges at a corner, times sqrt(2)."""
-    a, b, c = (cells.x[:, k] - cells.x[:, 0] for k in (1, 2, 3))
-    det = dot(a, cross(b, c))
-    at = [[k for k, edge in enumerate(cells.cell.edges) if corner in edge] for corner in range(4)]
-    return np.asarray(_ROOT_2 * det / np.maximum(cells.lengths[at].prod(axis=1).max(axis=0), np.abs(det)))
-
-
-def _scaled_hexahedron(cells: Shapes) -> Floats:
-    """Least determinant of the directions at a corner, or of the principal axes; NaN if an edge has no length."""
-    X, Y, Z = np.moveaxis(np.array(cells.cell.reference).T @ cells.x, 1, 0)
-    centre = dot(X, cross(Y, Z)) / (norm(X) * norm(Y) * norm(Z))
-    return np.where((cells.lengths > 0).all(axis=0), np.minimum(centre, cells.determinants.min(axis=0)), np.nan)
-
-
-def _scaled_prism(cells: Shapes) -> Floats:
-    """Least determinant of the directions at the corners that have edges, times 2 / sqrt(3)."""
-    plane, way = cells.corners.frames.T
-    has_edges = (cells.lengths[np.column_stack([way, cells.corners.planes[plane]]) // 2] > 0).all(axis=1)
-    least = np.where(has_edges, cells.determinants, np.inf).min(axis=0)
-    return np.where(has_edges.any(axis=0), 2 / _ROOT_3 * least, -LARGEST)
-
-
-def _scaled_pyramid(cells: Shapes) -> Floats:
-    """The least of four tetrahedra over the base, times sqrt(2), mirrored at 1; 0 where negative."""
-    parts = [_scaled_tetrahedron(Shapes("TETRA4", cells.x[:, list(four)])) for four in _PYRAMID_TETRAHEDRA]
-    least = _ROOT_2 * np.maximum(np.fmin.reduce(parts), 0.0)
-    return np.minimum(least, 2 - least)
-
-
-_SCALED: Mapping[str, Callable[[Shapes], Floats]] = {
-    "TRIA3": _scaled_triangle,
-    "QUAD4": _scaled_quadrangle,
-    "TETRA4": _scaled_tetrahedron,
-    "HEXA8": _scaled_hexahedron,
-    "PENTA6": _scaled_prism,
-    "PYRAM5": _scaled_pyramid,
-}
-
-
-def _aspect_ratio(cells: Shapes) -> Floats:
-    """Longest edge times the sum of the edges over the area; of a tetrahedron, times the area over the volume."""
-    solid, (ideal, box) = cells.cell.dim == 3, _ASPECT[cells.name]
-    longest, size = cells.lengths.max(axis=0), np.abs(_volume(cells)) if solid else _area(cells)
-    around = (norm(cells.facet_normals) / 2 if solid else cells.lengths).sum(axis=0)
-    size = np.where(box * size > ROUND_OFF * longest**cells.cell.dim, size, 0.0)
-    aspect = longest * around / (ideal * size)
-    return np.where(np.isnan(aspect), -LARGEST, aspect) if cells.name == "QUAD4" else aspect  # a point: 0 / 0
-
-
-def _area(cells: Shapes) -> Floats:
-    return norm(cells.facet_normals[:, 0]) / 2
-
-
-def _volume(cells: Shapes) -> Floats:
-    """Volume of the map of a linear solid cell: cones from node 0 over triangles around the centres of its facets."""
-    x = cells.x - cells.x[:, :1]
-    return np.asarray(dot(cells.facet_normals, x[:, cells.corners.facets].mean(axis=2)).sum(axis=0) / 6)
-
-
-def _bounded(value: Floats) -> Floats:
-    """Value clipped to [-LARGEST, LARGEST]; NaN, where the definition is void, becomes LARGEST."""
-    return np.where(np.isnan(value), LARGEST, np.clip(value, -LARGEST, LARGEST))
-
-
 _LEAST_ANGLE, _LARGEST_ANGLE = (lambda cells, row=row: np.degrees(np.arccos(cells.cosines[row])) for row in (1, 0))
 #: name -> the measure (k,) of some cells
 OWN: Mapping[str, Callable[[Shapes], Floats]] = MappingProxyType(
@@ -303,9 +332,49 @@ OWN: Mapping[str, Callable[[Shapes], Floats]] = MappingProxyType(
         "max_dihedral": _LARGEST_ANGLE,
         "min_corner_angle": _LEAST_ANGLE,
         "max_corner_angle": _LARGEST_ANGLE,
-        "scaled_jacobian": lambda cells: _bounded(_SCALED[cells.name](cells)),
-        "aspect_ratio": lambda cells: _bounded(_aspect_ratio(cells)),
-        "area": _area,
-        "volume": _volume,
     }
 )
+
+
+def dot(a: Floats, b: Floats) -> NDArray[np.floating]:
+    """Inner products (...) of vectors (3, ...)."""
+    out = np.asarray(a[0] * b[0])
+    out += a[1] * b[1]
+    out += a[2] * b[2]
+    return out
+
+
+def norm(a: Floats) -> NDArray[np.floating]:
+    """Lengths (...) of vectors (3, ...)."""
+    return np.asarray(np.sqrt(dot(a, a)))
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products (3, ...) of vectors (3, ...)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for s, t, u in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[t], b[u], out=out[s])
+        out[s] -= a[u] * b[t]
+    return out
+
+
+def over(a: NDArray, b: NDArray) -> NDArray:
+    """a / b, and a where b is 0."""
+    return np.asarray(a / (b + (b == 0)))
+
+
+def determinants(dN: NDArray, x: Floats, inside: NDArray[np.integer], plane: bool = False) -> NDArray[np.floating]:
+    """(p, k): Jacobian determinants of cells with nodes x (3, n, k), at p points with gradients dN (p, n, dim).
+
+    That of a surface is the component of its normal along the mean of the normals at the points `inside`, or along +z
+    if `plane`; that of a line is the component of its tangent along the mean tangent.
+    """
+    p, n, dim = dN.shape
+    J = (dN.transpose(2, 0, 1).reshape(dim * p, n) @ x).reshape(3, dim, p, -1).transpose(1, 0, 2, 3)
+    if dim == 3:
+        return dot(J[0], cross(J[1], J[2]))
+    along = J[0] if dim == 1 else cross(J[0], J[1])
+    if dim == 2 and plane:
+        return np.asarray(along[2])
+    mean = along[:, inside].sum(axis=1)
+    return dot(along, over(mean, norm(mean))[:, None])

@@ -1,11 +1,10 @@
-"""Every measure of every cell type by its name: those that lacmesh computes (`geometry`), and the rest of Verdict's.
+"""Every measure of every cell type by its name: those that lacmesh computes (`geometry`), and Verdict's.
 
-Ours: `validity` (`determinant`), `corner_jacobian`, `edge_ratio`, and the least and largest angle at the corners:
+Ours: `validity`, `corner_jacobian`, `edge_ratio`, and the least and largest angle at the corners:
 `min_dihedral`, `max_dihedral` of solids, `min_corner_angle`, `max_corner_angle` of surfaces. A quadratic cell has these
-only: Verdict defines nothing on it. Lines have `validity` alone, points nothing. Of Verdict's measures of the linear
-types `scaled_jacobian`, `aspect_ratio`, `area` and `volume` are computed here, the others by VTK, through pyvista (the
-extra `view`). Names and accepted ranges: Stimpson et al., *The Verdict Library Reference Manual*, Sandia report
-SAND2007-1751, 2007. `docs/quality.md` says what each is.
+only: Verdict defines nothing on it. Lines have `validity` alone, points nothing. Verdict's measures of the linear types
+are computed by VTK, through pyvista (the extra `view`). Names and accepted ranges: Stimpson et al., *The Verdict
+Library Reference Manual*, Sandia report SAND2007-1751, 2007. `docs/quality.md` says what each is.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import RequestError, did_you_mean, listed
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.geometry import OWN, own_measures
+from lacmesh.quality.geometry import OWN, own_measures, validity_among
 
 Range = tuple[float, float]
 
@@ -92,7 +90,7 @@ ACCEPTED: Mapping[str, Mapping[str, Range | None]] = MappingProxyType(
 SCALES: Mapping[str, Scale] = MappingProxyType(
     {row[0]: Scale(row[1].rstrip("+-"), {"+": 1, "-": -1}.get(row[1][-1], 0)) for row in _ROWS}
 )
-#: a face or a solid is poor whose scaled Jacobian (of a quadratic one: that of the corners; 1: ideal) is below it
+#: a face or a solid is poor whose corner Jacobian (1: ideal) is below it
 POOR = 0.1
 #: measures that compare a cell with all cells of its type in the mesh
 RELATIVE = frozenset(("relative_size_squared", "shape_and_size", "shear_and_size"))
@@ -114,20 +112,17 @@ def measures_of(name: str) -> tuple[str, ...]:
 
 
 def default_measures(name: str) -> tuple[str, ...]:
-    """Return the default measures of a type, all computed by lacmesh; the second one ranks its cells.
+    """Return the default measures of a type, all computed by lacmesh.
 
     >>> default_measures("TRIA3")
-    ('validity', 'scaled_jacobian', 'edge_ratio', 'min_corner_angle', 'max_corner_angle', 'area', 'aspect_ratio')
+    ('validity', 'corner_jacobian', 'edge_ratio', 'min_corner_angle', 'max_corner_angle')
     """
-    rank = primary_metric(name)
-    own = [m for m in measures_of(name) if m in OWN and m not in (rank, "corner_jacobian")]
-    return tuple(dict.fromkeys(("validity", rank, *own))) if rank else ()
+    return measures_of(name)[:5]
 
 
 def primary_metric(name: str) -> str | None:
     """Return the measure that ranks the cells of a type; None for points."""
-    defined = measures_of(name)
-    return next((m for m in ("scaled_jacobian", "corner_jacobian", "validity") if m in defined), None)
+    return next((m for m in ("corner_jacobian", "validity") if m in measures_of(name)), None)
 
 
 def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[str, ...]]:
@@ -153,9 +148,9 @@ def measure_cells(name: str, points: Floats, nodes: Ints, measures: Iterable[str
     RequestError for a measure that the type does not have, or that needs pyvista where that is not installed.
 
     >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> measures = ["scaled_jacobian", "area"]
+    >>> measures = ["corner_jacobian", "edge_ratio"]
     >>> {k: float(v[0]) for k, v in measure_cells("QUAD4", square, np.array([[0, 1, 2, 3]]), measures).items()}
-    {'scaled_jacobian': 1.0, 'area': 1.0}
+    {'corner_jacobian': 1.0, 'edge_ratio': 1.0}
     """
     measures = tuple(measures)
     for measure in measures:
@@ -215,6 +210,6 @@ def _vtk_measures(name: str, points: Floats, nodes: Ints, measures: Sequence[str
         x = (x / unit[:, None, None]).reshape(-1, 3)
         grid = compute(pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: rows}, x), list(measures))
         for measure, out in values.items():
-            power = {"jacobian": CELLS[name].dim, "dimension": 1}.get(measure, 0)
+            power = {"area": 2, "volume": 3, "jacobian": CELLS[name].dim, "dimension": 1}.get(measure, 0)
             out[start : start + step] = grid.cell_data[measure] * unit**power
     return values

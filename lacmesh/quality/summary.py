@@ -1,14 +1,17 @@
 """The quality of a mesh: the statistics of every measure and the worst cells, for each cell type and each group.
 
 Invalid and poor cells are counted separately. A cell is *invalid* if its Jacobian determinant is not positive at a
-corner, another node or an integration point (`determinant`). It is *poor*, as in `lacmesh check`, if it is valid and
+corner, another node or an integration point (`geometry`). It is *poor*, as in `lacmesh check`, if it is valid and
 the measure that ranks its type is below POOR. Verdict's own ranges, which are stricter and exist for some types only,
 are independent of both.
+
+The bins of a histogram depend on the measure only, so that histograms of two meshes, or of one before and after its
+cut, can be compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -19,9 +22,107 @@ from lacmesh.cells import CELLS
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, positions, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import ACCEPTED, POOR, RELATIVE, chosen_measures, measure_cells, primary_metric
-from lacmesh.quality.statistics import Statistics, statistics
+from lacmesh.quality.geometry import validity_among
+from lacmesh.quality.measures import ACCEPTED, POOR, RELATIVE, SCALES, chosen_measures, measure_cells, primary_metric
+
+#: Verdict's infinity, also where a measure divides by zero
+LARGEST = 1e30
+#: percentiles that statistics hold
+PERCENTS = (1, 5, 50, 95, 99)
+_EDGES: Mapping[str, NDArray] = {
+    "unit": np.linspace(0, 1, 21),
+    "ratio": 10 ** (np.arange(21) / 10),
+    "angle": np.linspace(0, 180, 37),
+}
+_BINS = 20
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """Histogram: `counts` (b,) between `edges` (b + 1,), the last bin closed; `below`, `above`: counts outside."""
+
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+    below: int
+    above: int
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Statistics of `count` values: extremes, percentiles (1, 5, 50, 95, 99), mean, histogram.
+
+    The `undefined` values are left out of these: NaN, and the value that Verdict writes as 1e30, for a cell so flat
+    that the measure divides by zero. `outside` counts the values beyond the range that Verdict accepts, undefined ones
+    included; None if Verdict names no range.
+    """
+
+    count: int
+    undefined: int
+    outside: int | None
+    least: float
+    percentiles: tuple[float, ...]
+    mean: float
+    largest: float
+    histogram: Histogram
+
+    @property
+    def median(self) -> float:
+        """The value that half of the cells do not exceed."""
+        return self.percentiles[PERCENTS.index(50)]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the statistics as plain data; None for a value that does not exist."""
+        out: dict[str, Any] = {"count": self.count, "undefined": self.undefined, "outside_range": self.outside}
+        out |= {"min": _plain(self.least)}
+        out |= {f"p{p}": _plain(v) for p, v in zip(PERCENTS, self.percentiles, strict=True)}
+        out |= {"mean": _plain(self.mean), "max": _plain(self.largest)}
+        return out | {"histogram": asdict(self.histogram)}
+
+
+def _plain(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def statistics(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Statistics:
+    """Compute the statistics of the values (k,) of a measure; `accepted`: the range that Verdict accepts.
+
+    >>> s = statistics("skew", np.array([0.0, 0.1, 0.2, 0.9]), (0, 0.5))
+    >>> s.count, s.outside, round(s.median, 3), s.histogram.counts[2]
+    (4, 1, 0.15, 1)
+    """
+    good = values[np.abs(values) < LARGEST]  # NaN is not
+    outside = None
+    if accepted is not None:
+        slack = 1e-9 * max(abs(a) for a in accepted if np.isfinite(a)) + 1e-12  # an ideal cell is not outside
+        outside = int(np.count_nonzero(~((values >= accepted[0] - slack) & (values <= accepted[1] + slack))))
+    if not len(good):
+        nothing = float("nan")
+        empty = (nothing,) * len(PERCENTS)
+        return Statistics(0, len(values), outside, nothing, empty, nothing, nothing, histogram(measure, good))
+    return Statistics(
+        count=len(good),
+        undefined=len(values) - len(good),
+        outside=outside,
+        least=float(good.min()),
+        percentiles=tuple(np.percentile(good, PERCENTS).tolist()),
+        mean=float(good.mean()),
+        largest=float(good.max()),
+        histogram=histogram(measure, good),
+    )
+
+
+def histogram(measure: str, values: Floats) -> Histogram:
+    """Make the histogram of the values (k,) of a measure, on the bins of its kind."""
+    edges = _EDGES.get(SCALES[measure].kind)
+    if edges is None:
+        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+        edges = np.linspace(low, high if high > low else low + 1, _BINS + 1)
+    slack = 1e-9 * np.diff(edges)  # round-off does not put an ideal cell outside
+    starts = [edges[0] - slack[0], *(edges[1:-1] - slack[1:])]
+    below = [int(np.count_nonzero(values < edge)) for edge in starts]
+    below.append(int(np.count_nonzero(values <= edges[-1] + slack[-1])))
+    return Histogram(tuple(edges.tolist()), tuple(np.diff(below).tolist()), below[0], len(values) - below[-1])
+
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
 SCHEMA = 2
@@ -155,34 +256,24 @@ def measure_quality(mesh: MeshLike, group: Spec | None = None, measures: str | I
 
     >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     >>> q = measure_quality(square)
-    >>> q.count, q.invalid, q.types[0].measures["scaled_jacobian"].least
+    >>> q.count, q.invalid, q.types[0].measures["corner_jacobian"].least
     (1, 0, 1.0)
     """
     mesh = as_mesh(mesh)
-    cells = np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)
-    names = list(mesh.cell_groups) if group is None else []
-    return quality_of(mesh, cells, measures, group=None if group is None else spec_text(group), by_group=names)
-
-
-def quality_of(
-    mesh: Mesh,
-    cells: Ints,
-    measures: str | Iterable[str] | None = None,
-    *,
-    group: str | None = None,
-    by_group: Iterable[str] = (),
-) -> Quality:
-    """Measure the quality of some cells of a mesh (sorted indices), and of those in each group of `by_group`."""
     chosen = chosen_measures(measures)
     local = from_origin(mesh, origin_of_mesh(mesh))
-    measured = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
-    grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in measured]) for name in by_group}
-    left = {kind: len(which) for kind, which, _ in mesh.select(cells) if not _measurable(kind)}
-    return Quality(group, _types(mesh, measured), {name: types for name, types in grouped.items() if types}, left)
-
-
-def _measurable(kind: str) -> bool:
-    return primary_metric(kind) is not None
+    parts = list(mesh.select(np.arange(mesh.n_cells) if group is None else mesh.cells_of(group)))
+    measured = [_measured(local, *part, chosen(part[0])) for part in parts if primary_metric(part[0])]
+    groups = {}
+    for name, members in mesh.cell_groups.items() if group is None else ():
+        of_group = [part.take(members) for part in measured]
+        groups[name] = tuple(_type(mesh, part) for part in of_group if len(part.cells))
+    return Quality(
+        group=None if group is None else spec_text(group),
+        types=tuple(_type(mesh, part) for part in measured),
+        groups={name: types for name, types in groups.items() if types},
+        not_measured={kind: len(which) for kind, which, _ in parts if not primary_metric(kind)},
+    )
 
 
 def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[str, ...]) -> _Measured:
@@ -197,56 +288,40 @@ def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[s
     return _Measured(kind, cells, {"validity": validity.min(axis=0), **values}, validity)
 
 
-def _types(mesh: Mesh, measured: list[_Measured]) -> tuple[TypeQuality, ...]:
-    return tuple(_type(mesh, part) for part in measured if len(part.cells))
-
-
 def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
-    accepted = ACCEPTED.get(part.type, {})
-    rank = primary_metric(part.type)
-    assert rank is not None  # only types that have one are measured
+    cell, accepted, value = CELLS[part.type], ACCEPTED.get(part.type, {}), part.values[primary_metric(part.type) or ""]
     bad = ~(part.validity > 0)
-    invalid = bad.any(axis=0)
-    poor = None if CELLS[part.type].dim == 1 else int(np.count_nonzero(~invalid & (part.values[rank] < POOR)))
-    places = PLACES if CELLS[part.type].order == 2 else (PLACES[0], PLACES[2])
+    invalid = np.asarray(bad.any(axis=0))
+    places = {name: row for name, row in zip(PLACES, bad, strict=True) if cell.order == 2 or name != PLACES[1]}
     return TypeQuality(
         type=part.type,
         count=len(part.cells),
         invalid=int(invalid.sum()),
-        invalid_at={name: int(bad[PLACES.index(name)].sum()) for name in places},
-        poor=poor,
+        invalid_at={name: int(row.sum()) for name, row in places.items()},
+        poor=None if cell.dim == 1 else int(np.count_nonzero(~invalid & (value < POOR))),
         measures={m: statistics(m, v, accepted.get(m)) for m, v in part.values.items()},
-        worst=_worst(mesh, part, rank, bad),
+        worst=tuple(_worst(mesh, part, value, invalid, places)),
     )
 
 
-def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCell, ...]:
-    """Return the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
-    key = np.where(bad.any(axis=0), np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
-    value = part.values[rank]
-    among = np.arange(len(key)) if len(key) <= 4 * WORST else np.flatnonzero(key < np.inf)
+def _worst(
+    mesh: Mesh, part: _Measured, value: Floats, invalid: NDArray, places: Mapping[str, NDArray]
+) -> Iterator[BadCell]:
+    """Yield the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
+    key = np.where(invalid, np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
+    among = np.arange(len(key)) if len(key) <= 4 * WORST else np.flatnonzero(invalid)
     if len(among) < WORST < len(key):  # the valid ones that may be among the worst, without sorting all of them
-        among = np.concatenate([among, np.argpartition(np.where(key < np.inf, np.inf, value), WORST)[:WORST]])
-    order = among[np.lexsort((value[among], key[among]))]
-    return tuple(_bad_cell(mesh, part, rank, bad, int(k)) for k in order[:WORST])
-
-
-def _bad_cell(mesh: Mesh, part: _Measured, rank: str, bad: NDArray, k: int) -> BadCell:
-    cell, of_type = int(part.cells[k]), CELLS[part.type]
-    ((_, _, nodes),) = mesh.select(np.array([cell]))
-    x, y, z = mesh.points[nodes[0][: of_type.n_corners]].mean(axis=0).tolist()
-    return BadCell(
-        number=int(mesh.cell_number[cell]),
-        groups=groups_of(mesh, cell),
-        centroid=(x, y, z),
-        measure=rank,
-        value=float(part.values[rank][k]),
-        validity=float(part.values["validity"][k]),
-        invalid_at=tuple(name for p, name in enumerate(PLACES) if bad[p, k] and (of_type.order == 2 or p != 1)),
-    )
-
-
-def groups_of(mesh: Mesh, cell: int) -> tuple[str, ...]:
-    """Return the names of the cell groups that contain a cell."""
-    one = np.array([cell])
-    return tuple(name for name, members in mesh.cell_groups.items() if positions(members, one)[0] >= 0)
+        among = np.concatenate([among, np.argpartition(np.where(invalid, np.inf, value), WORST)[:WORST]])
+    for k in among[np.lexsort((value[among], key[among]))][:WORST]:
+        one = part.cells[k : k + 1]
+        ((_, _, nodes),) = mesh.select(one)
+        x, y, z = mesh.points[nodes[0][: CELLS[part.type].n_corners]].mean(axis=0).tolist()
+        yield BadCell(
+            number=int(mesh.cell_number[one[0]]),
+            groups=tuple(name for name, members in mesh.cell_groups.items() if positions(members, one)[0] >= 0),
+            centroid=(x, y, z),
+            measure=primary_metric(part.type) or "",
+            value=float(value[k]),
+            validity=float(part.values["validity"][k]),
+            invalid_at=tuple(name for name, row in places.items() if row[k]),
+        )

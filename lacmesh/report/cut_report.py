@@ -24,7 +24,7 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import check_place, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian, measure_cells, measures_of
-from lacmesh.quality.statistics import PERCENTS, Statistics, statistics
+from lacmesh.quality.summary import PERCENTS, Statistics, statistics
 from lacmesh.report.touched import Touched, touched
 
 if TYPE_CHECKING:

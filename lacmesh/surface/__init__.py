@@ -3,7 +3,7 @@
     faces = the skin under some cells, oriented outward                     (record)
     pairs = slave and master faces whose boxes intersect                    (patches)
     pieces = mortar segments: the common part of each pair, in the slave's plane (clip)
-    points = quadrature points on the pieces, projected along the slave's normal (rules, project, points)
+    points = quadrature points on the pieces, projected along the slave's normal (place, points)
     coverage = area, covered part and gap of each macro-element             (points)
 
 Signs: n is the slave's outward unit normal, the gap (x_bar - x).n is > 0 where open and < 0 in penetration.

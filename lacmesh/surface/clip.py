@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.surface.patches import Pairs, Patches, Reach, in_parts, joined_starts
+from lacmesh.surface.patches import Patches, Reach
 from lacmesh.surface.polygon import (
     CHORD,
     MASTER,
@@ -27,6 +27,8 @@ from lacmesh.surface.polygon import (
     outside,
     tidy,
 )
+from lacmesh.threads import in_threads
+from lacmesh.topology.boxes import Pairs, joined_starts
 
 #: a part smaller than this, against its slave patch, is rounding, and so is a corner that adds no more: one that last
 #: bits make on a straight side would add a triangle to a fan
@@ -65,7 +67,7 @@ class Pieces(NamedTuple):
 
 def clip(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Pieces:
     """Clip the candidate pairs; return the common parts within the search distances."""
-    clipped = in_parts(lambda rows: _clip_rows(rows, pairs, slave, master, reach), len(slave.n))
+    clipped = in_threads(lambda rows: _clip_rows(rows, pairs, slave, master, reach), len(slave.n))
     s, m, _, vertices, edges, area = (np.concatenate(v) for v in zip(*clipped, strict=True))
     return Pieces(s, m, joined_starts([p.start for p in clipped]), vertices, edges, area)
 
@@ -156,7 +158,7 @@ def _collect(s: int, pairs: Any, slave: Any, master: Any, reach: Any, of: Any, y
     n_s, y_s = slave.n[s], slave.y[s]
     least = _LEAST * slave.area[s]
     for c in range(pairs.start[s], pairs.start[s + 1]):
-        m = pairs.master[c]
+        m = pairs.other[c]
         n = master.n[m]
         project(master.x[m], n, slave.centre[s], slave.e[s], True, y)
         if outside(y, n, y_s, n_s):

@@ -14,8 +14,9 @@ from lacmesh.mesh import Floats, Ints, mask_of, places_of
 from lacmesh.surface.clip import FACING
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT, NormalMaps
-from lacmesh.surface.patches import Bools, Pairs, Patches, Reach
-from lacmesh.surface.rules import FITTED, Placed
+from lacmesh.surface.patches import Bools, Patches, Reach
+from lacmesh.surface.place import FITTED, Placed
+from lacmesh.topology.boxes import Pairs
 
 _LEAST = 1e-13
 #: neighbours on a slave patch may share this much of it
@@ -35,8 +36,7 @@ class Intervals(NamedTuple):
 
 def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Intervals:
     """Clip the candidate pairs; return the parts sorted along each slave patch, only the nearest where they overlap."""
-    s = np.repeat(np.arange(len(slave.n)), np.diff(pairs.start))
-    m = pairs.master
+    s, m = pairs.first, pairs.other
     d = master.x[m, :2] - slave.x[s, :1]
     length = slave.area[s]
     along = (slave.x[s, 1] - slave.x[s, 0]) / length[:, None]

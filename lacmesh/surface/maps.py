@@ -13,7 +13,7 @@ of quadratic types are curved themselves and have no height, unless they are str
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, codes
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, TYPE_CODE
 
@@ -41,6 +41,8 @@ NEARLY_FLAT = 1e-5
 N_MONOMIALS = 9
 #: the first monomial of third degree
 _CUBIC = 6
+#: powers of u and of v in the monomials, and in u^3 and v^3, which heights have too
+_POWERS = np.array([[0, 1, 0, 2, 1, 0, 2, 1, 2, 3, 0], [0, 0, 1, 0, 1, 2, 1, 2, 2, 0, 3]])
 
 
 class NormalMaps(NamedTuple):
@@ -71,14 +73,17 @@ class NormalMaps(NamedTuple):
         return cls(G, True)
 
 
-def monomials(X: Floats) -> Floats:
-    """(..., 9): the monomials at reference points X (..., 2).
+def monomials(X: Floats, n: int = N_MONOMIALS, along: int | None = None) -> Floats:
+    """(..., n): the first n monomials at reference points X (..., 2), or their derivatives along an axis.
 
     >>> monomials(np.array([2.0, 3.0])).astype(int).tolist()
     [1, 2, 3, 4, 6, 9, 12, 18, 36]
     """
-    u, v = X[..., 0], X[..., 1]
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v, u * u * v, u * v * v, u * u * v * v], axis=-1)
+    powers = [np.stack([1 + 0 * x, x, x * x, x * x * x], axis=-1) for x in (X[..., 0], X[..., 1])]
+    if along is not None:
+        x = X[..., along]
+        powers[along] = np.stack([0 * x, 1 + 0 * x, 2 * x, 3 * x * x], axis=-1)
+    return powers[0][..., _POWERS[0, :n]] * powers[1][..., _POWERS[1, :n]]
 
 
 @cache
@@ -97,14 +102,17 @@ def basis(code: int) -> NDArray[np.floating]:
     return out
 
 
-def coefficients(surface: Surface, values: Floats | None = None) -> Floats:
-    """G (f, 9, k): coefficients of the map of each face, or of the interpolation of `values` (f, 9, k) at its nodes."""
-    k = 3 if values is None else values.shape[2]
-    G = np.empty((len(surface), N_MONOMIALS, k))
-    for name, rows, nodes in surface.by_type():
-        at = surface.x[nodes] if values is None else values[rows, : nodes.shape[1]]
-        C = basis(FACE_TYPES.index(name))
-        G[rows] = (C @ at.reshape(len(rows), nodes.shape[1], k)).astype(float)
+def coefficients(surface: Surface) -> Floats:
+    """G (f, 9, 3): coefficients of the map of each face."""
+    return interpolated(surface.faces.type, surface.x[surface.faces.nodes])
+
+
+def interpolated(types: Ints, values: Floats) -> Floats:
+    """(f, 9, k): coefficients of fields with `values` (f, 9, k) at the nodes of faces of some `types` (f,), codes."""
+    G = np.empty((len(types), N_MONOMIALS, values.shape[2]))
+    for code in codes(types):
+        rows, C = np.flatnonzero(types == code), basis(code)
+        G[rows] = C @ values[rows, : C.shape[1]]
     return G
 
 
@@ -169,79 +177,138 @@ def curved(G: Any, s: int, u: float, v: float) -> Any:
     return c0 + u * (c1 + u * c2), c1 + 2 * u * c2, d0 + u * (d1 + u * d2)
 
 
+#: steps of Newton's method
+_MOST = 40
+
+
+@kernel
+def quadrangle(y: Any) -> Any:
+    """Coefficients c, a, b, d, two components each, of the bilinear map y = c + s a + t b + s t d with corners y."""
+    return (
+        ((y[0, 0] + y[1, 0] + y[2, 0] + y[3, 0]) / 4, (y[0, 1] + y[1, 1] + y[2, 1] + y[3, 1]) / 4),
+        ((y[1, 0] + y[2, 0] - y[0, 0] - y[3, 0]) / 4, (y[1, 1] + y[2, 1] - y[0, 1] - y[3, 1]) / 4),
+        ((y[2, 0] + y[3, 0] - y[0, 0] - y[1, 0]) / 4, (y[2, 1] + y[3, 1] - y[0, 1] - y[1, 1]) / 4),
+        ((y[0, 0] + y[2, 0] - y[1, 0] - y[3, 0]) / 4, (y[0, 1] + y[2, 1] - y[1, 1] - y[3, 1]) / 4),
+    )
+
+
+@kernel
+def wedge(a: Any, b: Any) -> Any:
+    """The third component of the cross product of two vectors of a plane."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def in_quadrangle(c: Any, a: Any, b: Any, d: Any, p: float, q: float) -> Any:
+    """(s, t) of the point (p, q) of a plane quadrangle, and the Jacobian of its map there.
+
+    Eliminating t from r = s a + t b + s t d gives (a x d) s^2 - (r x d - a x b) s - r x b = 0. The discriminant is the
+    square of the Jacobian, so that its sign selects the root. One step of Newton's method removes the rounding.
+    """
+    r = (p - c[0], q - c[1])
+    turn = 1.0 if wedge(a, b) >= 0 else -1.0
+    A, B, C = wedge(a, d), wedge(r, d) - wedge(a, b), wedge(r, b)
+    root = turn * np.sqrt(max(B * B + 4 * A * C, 0.0))
+    s = -2 * C / (B - root) if turn * B < 0 else (B + root) / (2 * A)
+    x, y = b[0] + s * d[0], b[1] + s * d[1]
+    square = x * x + y * y
+    t = ((r[0] - s * a[0]) * x + (r[1] - s * a[1]) * y) / square if square > 0 else 0.0
+    f = (s * a[0] + t * b[0] + s * t * d[0] - r[0], s * a[1] + t * b[1] + s * t * d[1] - r[1])
+    along_s, along_t = (a[0] + t * d[0], a[1] + t * d[1]), (x, y)
+    jacobian = wedge(along_s, along_t)
+    ds, dt = wedge(f, along_t) / jacobian, wedge(along_s, f) / jacobian
+    if abs(ds) + abs(dt) < 1e-3:  # false for NaN, too: where the Jacobian is 0
+        s -= ds
+        t -= dt
+    return s, t, wedge((a[0] + t * d[0], a[1] + t * d[1]), (b[0] + s * d[0], b[1] + s * d[1]))
+
+
+@kernel
+def inverse(y: Any, n: int, xi: Any) -> Any:
+    """Data of a patch for `in_face`: n; c, a, b, d as from `quadrangle`; origin and steps in its face.
+
+    `y` (4, .), `xi` (4, 2): corners of the patch in its plane and in the face; the map between is affine on triangles
+    and bilinear on quadrangles, which are rectangles of their face's reference square, or all of it.
+    """
+    if n == 3:
+        a, b = (y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]), (y[2, 0] - y[0, 0], y[2, 1] - y[0, 1])
+        along_s = (xi[1, 0] - xi[0, 0], xi[1, 1] - xi[0, 1])
+        along_t = (xi[2, 0] - xi[0, 0], xi[2, 1] - xi[0, 1])
+        return n, (y[0, 0], y[0, 1]), a, b, (0.0, 0.0), (xi[0, 0], xi[0, 1]), along_s, along_t
+    c, a, b, d = quadrangle(y)
+    half_u, half_v = (xi[2, 0] - xi[0, 0]) / 2, (xi[2, 1] - xi[0, 1]) / 2
+    return n, c, a, b, d, (xi[0, 0] + half_u, xi[0, 1] + half_v), (half_u, 0.0), (0.0, half_v)
+
+
+@kernel
+def in_face(patch: Any, p: float, q: float) -> Any:
+    """Reference coordinates (u, v) in its face of a point (p, q) of a patch's plane; determinant d(u, v) / d(p, q).
+
+    `patch`: the result of `inverse`.
+    """
+    n, c, a, b, d, origin, along_s, along_t = patch
+    if n == 3:
+        jacobian, r = wedge(a, b), (p - c[0], q - c[1])
+        s, t = wedge(r, b) / jacobian, wedge(a, r) / jacobian
+    else:
+        s, t, jacobian = in_quadrangle(c, a, b, d, p, q)
+    u = origin[0] + s * along_s[0] + t * along_t[0]
+    v = origin[1] + s * along_s[1] + t * along_t[1]
+    return u, v, wedge(along_s, along_t) / jacobian
+
+
+@kernel(borrows=True)
+def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
+    """Intersect the line through x along n with a face of map G: (met, u, v, distance along n), from a first guess.
+
+    Newton's method, with steps of at most 1 in reference coordinates. It is not met if there is no convergence (the
+    face is parallel to n).
+    """
+    # two directions across n: Duff and others, J. Comput. Graph. Tech. 6, 2017
+    sign = 1.0 if n[2] >= 0 else -1.0
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    t0, t1, t2 = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
+    r0, r1, r2 = b, sign + n[1] * n[1] * a, -n[1]
+    met = False
+    for step in range(_MOST):
+        y, du, dv = at(G, kind, u, v)
+        d0, d1, d2 = y[0] - x[0], y[1] - x[1], y[2] - x[2]
+        f = d0 * t0 + d1 * t1 + d2 * t2
+        g = d0 * r0 + d1 * r1 + d2 * r2
+        fu = du[0] * t0 + du[1] * t1 + du[2] * t2
+        fv = dv[0] * t0 + dv[1] * t1 + dv[2] * t2
+        gu = du[0] * r0 + du[1] * r1 + du[2] * r2
+        gv = dv[0] * r0 + dv[1] * r1 + dv[2] * r2
+        det = fu * gv - fv * gu
+        if det == 0.0:
+            break
+        su = (f * gv - fv * g) / det
+        sv = (fu * g - f * gu) / det
+        longest = max(abs(su), abs(sv))
+        if not longest < np.inf:
+            break
+        if longest > 1.0 and kind != AFFINE:
+            su /= longest
+            sv /= longest
+        u -= su
+        v -= sv
+        if longest < 1e-9 or (kind == AFFINE and step == 1):
+            met = True
+            break
+    y, du, dv = at(G, kind, u, v)
+    return met, u, v, (y[0] - x[0]) * n[0] + (y[1] - x[1]) * n[1] + (y[2] - x[2]) * n[2]
+
+
 def values(G: Floats, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """(n, k): values of maps G (f, 9, k) at reference points xi (n, 2) of faces (n,); (f, 11, k) with u^3 and v^3."""
-    out = np.empty((len(face), G.shape[2]))
-    _evaluate(G, face, xi, out, np.empty((0, 0, 0)))
-    return out
+    return np.asarray((monomials(xi, G.shape[1])[:, None] @ G[face])[:, 0])
 
 
 def slopes(G: Floats, face: Ints, xi: Floats, dim: int) -> NDArray[np.floating]:
     """(n, k, dim): derivatives of maps, as in `values`, by `dim` reference coordinates at points xi (n, 2) of faces."""
-    out = np.empty((len(face), G.shape[2], dim))
-    _evaluate(G, face, xi, np.empty((0, 0)), out)
-    return out
-
-
-def measures(G: Floats, face: Ints, xi: Floats, dim: int, axisymmetric: bool) -> NDArray[np.floating]:
-    """(n,): area (length if `dim` is 1) of faces with maps G (f, 9, 3) over that in reference coordinates, at points.
-
-    In axisymmetry it is times the radius.
-    """
-    out = np.empty(len(face))
-    _measure(G, face, xi, dim, axisymmetric, out)
-    return out
-
-
-@kernel
-def _evaluate(G: Any, face: Any, xi: Any, value: Any, slope: Any) -> None:
-    """Write values and derivatives at points, those that are asked for: the other array has no entries."""
-    for p in range(len(face)):
-        _evaluate_at(G[face[p]], xi[p, 0], xi[p, 1], p, value, slope)
-
-
-@kernel
-def _measure(G: Any, face: Any, xi: Any, dim: int, axisymmetric: bool, out: Any) -> None:
-    """Write the area at points over that in reference coordinates."""
-    for p in range(len(face)):
-        _measure_at(G[face[p]], xi[p, 0], xi[p, 1], p, dim, axisymmetric, out)
-
-
-def _of_points(G: Floats, face: Ints, xi: Floats) -> tuple[Any, ...]:
-    """Return all points at once, for the kernels of one point: their maps (9, k, n), coordinates and rows."""
-    return np.moveaxis(G[face], 0, -1), xi[:, 0], xi[:, 1], slice(None)
-
-
-@kernel(borrows=True)
-def _evaluate_at(G: Any, u: Any, v: Any, p: Any, value: Any, slope: Any) -> None:
-    """Do what `_evaluate` does for point p, or for all points."""
-    for s in range(G.shape[1]):
-        x, along_u, along_v = curved(G, s, u, v)
-        if len(G) > N_MONOMIALS:
-            a, b = G[N_MONOMIALS, s] * u * u, G[N_MONOMIALS + 1, s] * v * v
-            x, along_u, along_v = x + a * u + b * v, along_u + 3 * a, along_v + 3 * b
-        if len(value) > 0:
-            value[p, s] = x
-        if len(slope) > 0:
-            slope[p, s, 0] = along_u
-            if slope.shape[2] == 2:
-                slope[p, s, 1] = along_v
-
-
-@kernel(borrows=True)
-def _measure_at(G: Any, u: Any, v: Any, p: Any, dim: int, axisymmetric: bool, out: Any) -> None:
-    """Do what `_measure` does for point p, or for all points."""
-    x, a, b = at(G, CURVED, u, v)
-    n = (a[1], -a[0], 0.0 * a[0])
-    if dim == 2:
-        n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    out[p] = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    if axisymmetric:
-        out[p] = out[p] * x[0]
-
-
-_evaluate.plain = lambda G, face, xi, *out: _evaluate_at(*_of_points(G, face, xi), *out)
-_measure.plain = lambda G, face, xi, *rest: _measure_at(*_of_points(G, face, xi), *rest)
+    along = np.stack([monomials(xi, G.shape[1], axis) for axis in range(dim)], axis=1)
+    return np.swapaxes(along @ G[face], 1, 2)
 
 
 #: the quadratic type whose functions carry the height of a face
@@ -249,8 +316,10 @@ QUADRATIC = {
     "SEG2": "SEG3", "SEG3": "SEG3", "TRIA3": "TRIA6", "TRIA6": "TRIA6", "TRIA7": "TRIA6", "QUAD4": "QUAD9",
     "QUAD8": "QUAD9", "QUAD9": "QUAD9",
 }  # fmt: skip
+#: the same by the codes of the types
+_QUADRATIC_CODE = np.array([TYPE_CODE[QUADRATIC.get(name, name)] for name in FACE_TYPES])
 #: types with heights in both directions
-QUADRANGLES = [TYPE_CODE[name] for name, quadratic in QUADRATIC.items() if quadratic == "QUAD9"]
+QUADRANGLES = np.flatnonzero(np.equal(_QUADRATIC_CODE, TYPE_CODE["QUAD9"]))
 #: most nodes of such a type, and most functions of heights
 N_NODES_OF_HEIGHTS, N_HEIGHTS = 9, 10
 #: coefficients of the cubics in the monomials, u^3 and v^3. On its edge a cubic is t (1 - t) (2 t - 1), with t the part
@@ -277,7 +346,7 @@ def basis_of_heights(name: str) -> NDArray[np.floating]:
 def functions_of_heights(name: str, X: Floats) -> NDArray[np.floating]:
     """(n, k): the functions of heights over a type of face at reference points X (n, dim)."""
     X = np.pad(X, ((0, 0), (0, 2 - X.shape[1])))
-    return np.concatenate([monomials(X), X**3], axis=1) @ basis_of_heights(name)
+    return np.asarray(monomials(X, N_MONOMIALS + 2) @ basis_of_heights(name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,10 +375,8 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        taken = None if self.taken is None else self.taken[rows]
-        doubt = None if self.doubt is None else self.doubt[rows]
-        lean = None if self.lean is None else self.lean[rows]
-        return replace(self, type=self.type[rows], value=self.value[rows], lean=lean, taken=taken, doubt=doubt)
+        rest: list[Any] = [part if part is None else part[rows] for part in (self.lean, self.taken, self.doubt)]
+        return Height(self.type[rows], self.value[rows], *rest)
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
@@ -322,30 +389,26 @@ class Height:
     @cached_property
     def _map(self) -> NDArray[np.floating]:
         """(f, 11, 1): coefficients of the heights."""
-        return self._interpolated(self.value[:, :, None])
+        G = np.zeros((len(self.type), N_MONOMIALS + 2, 1))
+        for code in codes(self.type):
+            rows, C = np.flatnonzero(self.type == code), basis_of_heights(FACE_TYPES[code])
+            G[rows] = C @ self.value[rows, : C.shape[1], None]
+        return G
 
     @cached_property
     def leans(self) -> NDArray[np.floating]:
         """(f, 9, 2): coefficients of the slopes of the normals."""
-        return self._interpolated(self.slopes_at_nodes if self.lean is None else self.lean)[:, :N_MONOMIALS].copy()
+        return interpolated(_QUADRATIC_CODE[self.type], self.slopes_at_nodes if self.lean is None else self.lean)
 
     @property
     def slopes_at_nodes(self) -> NDArray[np.floating]:
         """(f, 9, 2): slopes of the heights at the nodes of each face's quadratic type, padded with 0."""
         out = np.zeros((len(self.type), N_NODES_OF_HEIGHTS, 2))
-        for name, quadratic in QUADRATIC.items():
-            rows, X = np.flatnonzero(self.type == TYPE_CODE[name]), padded_nodes(quadratic)
+        for code in codes(self.type):
+            rows, X = np.flatnonzero(self.type == code), padded_nodes(FACE_TYPES[_QUADRATIC_CODE[code]])
             at = self.slope(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
             out[rows, : len(X)] = at.reshape(len(rows), len(X), 2)
         return out
-
-    def _interpolated(self, values: Floats) -> NDArray[np.floating]:
-        """(f, 11, k): coefficients of fields with values (f, 9 or 10, k) at nodes, and cubics, as in `value`."""
-        G = np.zeros((len(self.type), N_MONOMIALS + 2, values.shape[2]))
-        for name in QUADRATIC:
-            rows, C = self.type == TYPE_CODE[name], basis_of_heights(name)[:, : values.shape[1]]
-            G[rows] = C @ values[rows, : C.shape[1]]
-        return G
 
 
 def padded_nodes(name: str) -> NDArray[np.floating]:

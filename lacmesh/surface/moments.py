@@ -28,9 +28,8 @@ import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacmesh.surface.maps import CURVED, at
+from lacmesh.surface.maps import CURVED, at, in_face, in_quadrangle, quadrangle, ray, wedge
 from lacmesh.surface.polygon import CHORD, MASTER
-from lacmesh.surface.project import in_face, in_quadrangle, quadrangle, ray, wedge
 
 #: Gauss points on an edge that no place where the Jacobian vanishes is near enough to need more
 _MOST = 40

@@ -12,8 +12,6 @@ A smoothed normal at a node is the area-weighted mean of the normals of the face
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +19,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.surface.maps import NormalMaps, coefficients, padded_nodes
+from lacmesh.surface.maps import NormalMaps, interpolated, padded_nodes, slopes, values
 from lacmesh.surface.record import Surface, mean_normals
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
@@ -39,6 +37,15 @@ def normals_of(J: Floats) -> Floats:
         return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
     (ax, bx), (ay, by), (az, bz) = np.moveaxis(J, (-2, -1), (0, 1))  # np.cross takes several times as long
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def measures(G: Floats, face: Ints, xi: Floats, dim: int, axisymmetric: bool) -> NDArray[np.floating]:
+    """(n,): area (length if `dim` is 1) of faces with maps G (f, 9, 3) over that in reference coordinates, at points.
+
+    In axisymmetry it is times the radius.
+    """
+    size = np.linalg.norm(normals_of(slopes(G, face, xi, dim)), axis=-1)
+    return np.asarray(size * values(G[..., :1], face, xi)[:, 0] if axisymmetric else size)
 
 
 def unit(v: Floats) -> NDArray[np.floating]:
@@ -68,7 +75,7 @@ def normal_maps(slave: Surface, master: Surface, normals: str, crease_angle: flo
     if normals == "master":
         return NormalMaps.constant(-mean_normals(master)[0])
     if normals == "smoothed":
-        return NormalMaps(coefficients(slave, smoothed(slave, crease_angle)))
+        return NormalMaps(interpolated(slave.faces.type, smoothed(slave, crease_angle)))
     return NormalMaps.none() if slave.height is None else NormalMaps(slave.height.leans)
 
 
@@ -92,9 +99,10 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
         X, w = rule(CELLS[name].family, 4)
         area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
         own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, x))
-    weight, normal, total = np.linalg.norm(area, axis=1), own.reshape(-1, 3), np.zeros_like(own)
-    for place, other in _meetings(surface, own, crease_angle):
-        total.reshape(-1, 3)[place] += weight[other // own.shape[1]][:, None] * normal[other]
+    place, other = crease_pairs(surface, own, crease_angle)
+    total: Floats = np.zeros_like(own)
+    weight = np.linalg.norm(area, axis=1)[other // own.shape[1]]
+    np.add.at(total.reshape(-1, 3), place, weight[:, None] * own.reshape(-1, 3)[other])
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
 
@@ -114,29 +122,18 @@ def crease_pairs(surface: Surface, own: Floats, crease_angle: float | None) -> t
 
     `own` (f, 9, k): the faces' true normals at their nodes; `crease_angle` as in `smoothed`.
     """
-    meetings = list(_meetings(surface, own, crease_angle))
-    place, other = (np.concatenate([pair[k] for pair in meetings]) for k in (0, 1))
-    return place, other
-
-
-def _meetings(surface: Surface, own: Floats, crease_angle: float | None) -> Iterator[tuple[Ints, Ints]]:
-    """Yield pairs of positions with the same node and normals within the crease angle; each position once per pass."""
     least = np.cos(np.radians(CREASE_ANGLE if crease_angle is None else crease_angle))
-    taken = None if crease_angle is not None or surface.height is None else surface.height.taken
-    there = surface.faces.nodes >= 0
-    face, corner = np.nonzero(there)
-    node = surface.faces.nodes[there]
+    face, corner = np.nonzero(surface.faces.nodes >= 0)
+    node = surface.faces.nodes[face, corner]
     order = np.argsort(node, kind="stable")
-    place = (face * own.shape[1] + corner)[order]
-    node, normal = node[order], own.reshape(-1, own.shape[2])[place]
-    start = np.searchsorted(node, node)
-    stop = np.searchsorted(node, node, side="right")
-    rows, other = np.arange(len(node)), start
-    while len(rows):
-        close = (normal[rows] * normal[other]).sum(axis=1) >= least - 1e-12
-        if taken is not None:
-            one, two = (taken[place[k] // own.shape[1]] for k in (rows, other))
-            close |= (one == two) & (one >= 0)
-        yield place[rows[close]], place[other[close]]
-        more = other + 1 < stop[rows]  # only those go on: a pole where many faces meet costs no more than its own
-        rows, other = rows[more], other[more] + 1
+    place, node = (face * own.shape[1] + corner)[order], node[order]
+    start, stop = (np.searchsorted(node, node, side) for side in ("left", "right"))
+    count = stop - start
+    one = np.repeat(np.arange(len(node)), count)
+    two = np.arange(len(one)) + np.repeat(start - np.cumsum(count) + count, count)
+    one, two, normal = place[one], place[two], own.reshape(-1, own.shape[2])
+    close = (normal[one] * normal[two]).sum(axis=1) >= least - 1e-12
+    if crease_angle is None and surface.height is not None and surface.height.taken is not None:
+        a, b = (surface.height.taken[rows // own.shape[1]] for rows in (one, two))
+        close |= (a == b) & (a >= 0)
+    return one[close], two[close]

@@ -4,28 +4,25 @@ A face with straight sides is one patch. Curved faces are subdivided for the int
 alike, so that the patches of neighbours share whole edges; quadrature points lie on the true geometry. A quadrangle
 that is not convex in its mean plane is split into two triangles.
 
-Candidate master patches for each slave patch (the broad phase) are found in a tree of boxes. The search region of a
-slave patch is a prism: its bounding rectangle in its own plane, swept along its normal from `behind` to `ahead`. The
-tree is a complete binary tree over the boxes of the master's patches, in the order of a Morton curve; a node is opened
-if its box intersects the prism (separating axes: the three of the prism). No patch in the prism can be missed.
+Candidate master patches for each slave patch (the broad phase) are found in a tree of boxes (`topology.boxes`). The
+search region of a slave patch is a prism: its bounding rectangle in its own plane, swept along its normal from `behind`
+to `ahead`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface
-from lacmesh.threads import in_threads
-from lacmesh.topology.boxes import LEAF, along_curve, bounding_tree
+from lacmesh.topology.boxes import Boxes, Pairs, boxes_in
+from lacmesh.topology.orientation import corner_normals
 from lacmesh.topology.skin import MAX_CORNERS
 
 Bools = NDArray[np.bool_]
@@ -141,32 +138,26 @@ def reference_grid(family: str, n: int) -> Floats:
 def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, warp: Floats) -> Patches:
     line = len(n) > 0 and n[0] == 2
     x = _joined(np.matmul(monomials(xi), G[face]) if len(face) else np.zeros((0, 4, 3)))
-    normal, area, longest = _normals(x, n, line)
+    normal = corner_normals(x, n)
+    area, a, b = (np.linalg.norm(v, axis=1) for v in (normal, x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]))
+    area, longest = area if line else area / 2, np.maximum(a, b)
     fine = np.isfinite(area) & (area > 1e-14 * (longest if line else longest**2)) & (area > 0)
-    if not fine.all():
-        face, n, xi, x, normal, area = face[fine], n[fine], xi[fine], x[fine], normal[fine], area[fine]
-    normal = normal / norm(normal)[:, None]
+    face, n, xi, x, normal, area = (v[fine] for v in (face, n, xi, x, normal, area))
+    normal = _unit(normal)
     corners = np.arange(MAX_CORNERS) < n[:, None]
     centre = (x * corners[..., None]).sum(axis=1) / n[:, None]
     # a tangent along the first edge, or the diagonal where that has hardly a length
     a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    along = np.where((norm(b) > 4 * norm(a))[:, None], b, a)
-    along = along - (along * normal).sum(axis=1, keepdims=True) * normal
-    along /= norm(along)[:, None]
-    e = np.stack([along, cross(normal, along), normal], axis=1)
+    longer = np.linalg.norm(b, axis=1) > 4 * np.linalg.norm(a, axis=1)
+    along = np.where(longer[:, None], b, a)
+    along = _unit(along - (along * normal).sum(axis=1, keepdims=True) * normal)
+    e = np.stack([along, np.cross(normal, along), normal], axis=1)
     y = _joined(np.matmul(x - centre[:, None], np.swapaxes(e, 1, 2)))
     return Patches(face, n, xi, x, centre, e, y, area, G, kind, warp)
 
 
-def _normals(x: Floats, n: Ints, line: bool) -> tuple[Floats, Floats, Floats]:
-    """Normals of patches (not of unit length), their areas, and the longest of their first edges and diagonals."""
-    a, b = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    longest = np.maximum(norm(a), norm(b))
-    if line:
-        return np.stack([a[:, 1], -a[:, 0], 0 * a[:, 0]], axis=1), norm(a), longest
-    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
-    normal = cross(b, last - x[:, 1])
-    return normal, norm(normal) / 2, longest
+def _unit(v: Floats) -> Floats:
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
 def _joined(x: Floats) -> Floats:
@@ -179,18 +170,6 @@ def _joined(x: Floats) -> Floats:
     last = np.abs(x[:, 3] - x[:, 0]).max(axis=1) <= _SAME * size[:, 0]
     x[last, 3] = x[last, 0]
     return x
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """(k, 3): cross products; np.cross is several times slower for many vectors."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def norm(a: Floats) -> Floats:
-    """(k,): lengths of vectors (k, 3)."""
-    x, y, z = a.T
-    return np.sqrt(x * x + y * y + z * z)
 
 
 def turns(y: Floats) -> Floats:
@@ -219,34 +198,6 @@ def _split_concave(p: Patches) -> Patches:
     return _with_frames(face[order], n[order], xi[order], p.G, p.kind, p.warp)
 
 
-T = TypeVar("T")
-
-
-class Boxes(NamedTuple):
-    """Boxes by their centres (b, 3) and half their sides (b, 3)."""
-
-    centre: Floats
-    half: Floats
-
-
-class Tree(NamedTuple):
-    """Complete binary tree of boxes, (nodes, 3) each: node k has children 2k + 1 and 2k + 2; `order`: the patches.
-
-    The last (nodes + 1) / 2 nodes are leaves, each of LEAF entries of `order` (-1 where there is none).
-    """
-
-    centre: Floats
-    half: Floats
-    order: Ints
-
-
-class Pairs(NamedTuple):
-    """Candidate pairs: the masters of slave patch s are `master[start[s] : start[s + 1]]`, ascending."""
-
-    start: Ints
-    master: Ints
-
-
 class Reach(NamedTuple):
     """Search distances of slave patches along their normals: `ahead` (slave patches,), and a distance behind.
 
@@ -261,53 +212,13 @@ class Reach(NamedTuple):
 
 def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
     """Find the master patches whose boxes intersect the prisms of slave patches."""
-    if not len(slave.n) or not len(master.n):
-        return Pairs(np.zeros(len(slave.n) + 1, np.int64), np.empty(0, np.int64))
-    low, high = _extent(master.x, master.n)
-    boxes = Boxes((low + high) / 2, (high - low) / 2)
-    order = along_curve(low, high)
-    low, high, last = bounding_tree(low[order], high[order])
-    order = np.concatenate([order, np.full(int(last[0]) - len(order), -1)])
-    empty = ~(low <= high)
-    with np.errstate(invalid="ignore"):
-        centre, half = np.where(empty, 0.0, (low + high) / 2), np.where(empty, -np.inf, (high - low) / 2)
-    tree = Tree(centre, half, order)
     low, high = _extent(slave.y, slave.n)
     low[:, 2] -= np.minimum(reach.behind + reach.deep.max(initial=0.0), reach.limit)
     high[:, 2] += reach.ahead
     middle, half = (low + high) / 2, (high - low) / 2
     half += 1e-12 * (half[:, :1] + half[:, 1:2] + half[:, 2:])
     origin = slave.centre + (slave.e * middle[:, :, None]).sum(axis=1)
-    prisms = Boxes(origin, half)
-
-    def run(rows: slice) -> Pairs:
-        start = np.zeros(rows.stop - rows.start + 1, np.int64)
-        masters = np.empty(12 * len(start) + 64, np.int64)
-        count = _query(rows.start, prisms, slave.e, tree, boxes, start, masters)
-        if count > len(masters):
-            masters = np.empty(count, np.int64)
-            _query(rows.start, prisms, slave.e, tree, boxes, start, masters)
-        return Pairs(start, masters[:count])
-
-    parts = in_parts(run, len(slave.n))
-    return Pairs(joined_starts([p.start for p in parts]), np.concatenate([p.master for p in parts]))
-
-
-def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
-    """Call `run` on slices of the rows 0 to `count`, one in each thread; return the results in order."""
-    parts: dict[tuple[int, int], T] = {}
-
-    def keep(rows: slice) -> None:
-        parts[rows.start, rows.stop] = run(rows)
-
-    in_threads(keep, count)
-    return [parts[key] for key in sorted(parts)]
-
-
-def joined_starts(starts: list[Ints]) -> Ints:
-    """Join several lists of starts, each from 0, into one for the concatenated rows."""
-    before = np.cumsum([0, *(int(s[-1]) for s in starts)])
-    return np.concatenate([*(s[:-1] + b for s, b in zip(starts, before, strict=False)), before[-1:]])
+    return boxes_in(Boxes(origin, half), slave.e, *_extent(master.x, master.n))
 
 
 def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
@@ -318,72 +229,3 @@ def _extent(x: Floats, n: Ints) -> tuple[Floats, Floats]:
         np.minimum(low, corner, out=low)
         np.maximum(high, corner, out=high)
     return low, high
-
-
-@kernel
-def _meets(prisms: Any, e: Any, s: int, boxes: Any, k: int) -> Any:
-    """True if no axis of prism s separates it from box k."""
-    x = boxes.centre[k, 0] - prisms.centre[s, 0]
-    y = boxes.centre[k, 1] - prisms.centre[s, 1]
-    z = boxes.centre[k, 2] - prisms.centre[s, 2]
-    half = boxes.half[k]
-    for a in range(3):
-        axis = e[s, a]
-        apart = axis[0] * x + axis[1] * y + axis[2] * z
-        reach = prisms.half[s, a] + abs(axis[0]) * half[0] + abs(axis[1]) * half[1] + abs(axis[2]) * half[2]
-        if not abs(apart) <= reach:
-            return False
-    return True
-
-
-@kernel
-def _sort(values: Any, begin: int, end: int) -> None:
-    """Sort values[begin:end] with Shell's method: nearly always a few values, and never slow for many."""
-    step = 1
-    while 9 * step < end - begin:
-        step = 3 * step + 1
-    while step > 0:
-        for i in range(begin + step, end):
-            value = values[i]
-            k = i
-            while k >= begin + step and values[k - step] > value:
-                values[k] = values[k - step]
-                k -= step
-            values[k] = value
-        step //= 3
-
-
-@kernel
-def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, masters: Any) -> Any:
-    """Fill `start` and `masters` for the prisms from `first` on; return the number of pairs.
-
-    If that exceeds the room, call again with more.
-    """
-    first_leaf = len(tree.centre) // 2
-    stack = np.empty(128, np.int64)
-    count = 0
-    for row in range(len(start) - 1):
-        s = first + row
-        stack[0] = 0
-        top = 1
-        begin = count
-        while top > 0:
-            top -= 1
-            node = stack[top]
-            if not _meets(prisms, e, s, tree, node):
-                continue
-            if node < first_leaf:
-                stack[top] = 2 * node + 1
-                stack[top + 1] = 2 * node + 2
-                top += 2
-                continue
-            for k in range((node - first_leaf) * LEAF, (node - first_leaf + 1) * LEAF):
-                m = tree.order[k]
-                if m >= 0 and _meets(prisms, e, s, boxes, m):
-                    if count < len(masters):
-                        masters[count] = m
-                    count += 1
-        if count <= len(masters):
-            _sort(masters, begin, count)
-        start[row + 1] = count
-    return count

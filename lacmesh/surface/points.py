@@ -20,11 +20,10 @@ from lacmesh.surface.clip import FACING, clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, QUADRANGLES, NormalMaps
 from lacmesh.surface.normals import normal_maps, weighted
-from lacmesh.surface.patches import Bools, Pairs, Patches, Reach, candidates, norm, patches
-from lacmesh.surface.place import place
+from lacmesh.surface.patches import Bools, Patches, Reach, candidates, patches
+from lacmesh.surface.place import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule, place
 from lacmesh.surface.record import Surface, mean_normals
-from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
-from lacmesh.threads import side_by_side
+from lacmesh.topology.boxes import Pairs
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
 NORMALS = ("facet", "smoothed", "master")
@@ -108,8 +107,7 @@ def contact_points(
     origin = origin_of(np.concatenate([side.x[k[k >= 0]] for side, k in zip((slave, master), corners, strict=True)]))
     if origin.any():
         slave, master = slave.at(slave.x - origin), master.at(master.x - origin)
-    both = slave, master
-    s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
+    s, m = patches(slave), patches(master)
     with np.errstate(over="ignore", invalid="ignore"):
         H = normal_maps(slave, master, normals, crease_angle)
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
@@ -136,7 +134,7 @@ def _with_folds(
 ) -> tuple[Patches, Reach]:
     """Return the slave's patches, those turned over that have turned away and keep to the master, and their reach."""
     normal = (m.area[:, None] * m.e[:, 2]).sum(axis=0)
-    size = float(norm(normal))
+    size = float(np.linalg.norm(normal))
     away = keeps[s.face] & (s.e[:, 2] @ normal > FACING * size)
     if not (away.any() and size > _PLANE * m.area.sum()):
         return s, reach
@@ -191,7 +189,7 @@ def _diagonals(surface: Surface, group: Ints) -> Floats:
     x = surface.x[nodes]
     for out, corners in zip(ends, (x, -x), strict=True):
         np.maximum.at(out, group[rows], np.where(there[..., None], corners, -np.inf).max(axis=1))
-    length = norm(ends[0] + ends[1])
+    length = np.linalg.norm(ends[0] + ends[1], axis=1)
     return length[np.isfinite(length)]
 
 

@@ -14,7 +14,7 @@ from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.surface.maps import Height, values
-from lacmesh.topology.orientation import is_inverted, relative_listing, turned_over
+from lacmesh.topology.orientation import corner_normals, is_inverted, relative_listing, turned_over
 from lacmesh.topology.skin import (
     FACE_TYPES,
     MAX_CORNERS,
@@ -117,14 +117,10 @@ class Surface(Described):
     @cached_property
     def size(self) -> Floats:
         """(f,): the largest distance between two corners of each face."""
-        x = self.x[self.faces.nodes[:, :MAX_CORNERS]]
-        out = np.zeros(len(self))
-        for a in range(MAX_CORNERS):
-            for b in range(a):
-                with np.errstate(over="ignore", invalid="ignore"):
-                    apart = np.linalg.norm(x[:, a] - x[:, b], axis=1)
-                np.maximum(out, np.where(self.n_corners > a, apart, 0.0), out=out)
-        return out
+        corners = self.faces.corners
+        x = self.x[np.where(corners < 0, corners[:, :1], corners)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2))
 
     @cached_property
     def neighbours(self) -> Ints:
@@ -173,12 +169,7 @@ def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:
 
 def mean_vectors(surface: Surface) -> Floats:
     """(f, 3): normals of the faces' mean planes; as long as segments, twice as long as the area of other faces."""
-    x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
-    if surface.dim == 1:
-        along = x[:, 1] - x[:, 0]
-        return np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1)
-    last = np.where(surface.n_corners[:, None] > 3, x[:, 3], x[:, 0])
-    return np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
+    return corner_normals(surface.x[surface.faces.nodes[:, :MAX_CORNERS]], surface.n_corners)
 
 
 def mean_normals(surface: Surface) -> tuple[Floats, Floats]:

@@ -90,14 +90,24 @@ def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> Bools:
     return wrong[cells]
 
 
+def corner_normals(x: Floats, n: Ints) -> Floats:
+    """(f, 3): normals of faces with n corners at x (f, 4, 3), twice as long as the area; of segments, as long as these.
+
+    Those of segments lie in the plane z = 0, to their right.
+    """
+    t = x[:, 1] - x[:, 0]
+    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1)
+    if (n == 2).all():
+        return plane
+    last = np.where((n == 4)[:, None], x[:, 3], x[:, 0])
+    return np.where((n == 2)[:, None], plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]))
+
+
 def face_normals(mesh: Mesh, faces: Faces) -> Floats:
     """(f, 3): normals of faces by their corners, as long as the faces' areas; of lines in space, their tangents."""
-    x = mesh.points[faces.corners]
-    t = x[:, 1] - x[:, 0]
-    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1) if mesh.space_dim == 2 else t
-    n = N_CORNERS[faces.type][:, None]
-    last = np.where(n == 4, x[:, 3], x[:, 0])
-    return np.where(n == 2, plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]) / 2)
+    n, x = N_CORNERS[faces.type], mesh.points[faces.corners]
+    normals = corner_normals(x, n) / np.where(n == 2, 1, 2)[:, None]
+    return normals if mesh.space_dim == 2 else np.where((n == 2)[:, None], x[:, 1] - x[:, 0], normals)
 
 
 # ---- skins
@@ -273,13 +283,6 @@ def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
 
 def _signed_volume(mesh: Mesh, faces: Faces) -> NDArray:
     """(f,): contribution of each face to the volume that a closed skin encloses (to the area, for segments)."""
-    n = N_CORNERS[faces.type]
-    corners = faces.corners
+    n, corners = N_CORNERS[faces.type], faces.corners
     x = mesh.points[corners] - mesh.points[corners[0, 0]]
-    if n[0] == 2:
-        return (x[:, 0, 0] * x[:, 1, 1] - x[:, 0, 1] * x[:, 1, 0]) / 2
-    total = np.zeros(len(faces))
-    for k in (1, 2):
-        part = np.einsum("fi,fi->f", x[:, 0], np.cross(x[:, k], x[:, min(k + 1, 3)])) / 6
-        total += np.where(k + 1 < n, part, 0)
-    return total
+    return np.asarray((x[:, 0] * corner_normals(x, n)).sum(axis=1) / np.where(n == 2, 2, 6))

@@ -24,11 +24,10 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.clip import project
 from lacmesh.surface.lines import meet, normals_at
-from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at
+from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at, in_face, in_quadrangle, inverse, quadrangle, ray, wedge
 from lacmesh.surface.normals import turning
 from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import normal_at
-from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle, ray, wedge
 from lacsolver.contact.chain import LoopPoints, MovingEdges
 from lacsolver.contact.faces import places, tangents
 

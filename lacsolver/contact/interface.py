@@ -21,8 +21,8 @@ from scipy.sparse import csr_array, eye_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
-from lacmesh.surface.maps import coefficients, measures
-from lacmesh.surface.normals import unit
+from lacmesh.surface.maps import coefficients
+from lacmesh.surface.normals import measures, unit
 from lacmesh.surface.points import face_measure
 from lacmesh.surface.record import mean_normals
 from lacsolver.contact.faces import places, tangents

@@ -23,7 +23,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints, places_of
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import N_MONOMIALS, basis
-from lacmesh.surface.patches import in_parts
+from lacmesh.threads import in_threads
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
 from lacsolver.contact.normals import OtherNormals
@@ -152,7 +152,7 @@ def _summed(
         if slopes is not None:
             _sum_slopes(rows.start, rows.stop, runs, skins, xi_s, slopes, *at, value)
 
-    in_parts(run, entries.shape[0])
+    in_threads(run, entries.shape[0])
     return entries, value.reshape(entries.nnz, k, d)
 
 

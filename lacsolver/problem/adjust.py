@@ -24,7 +24,7 @@ from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, some
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import format_coordinates, from_origin, origin_of_mesh
-from lacmesh.quality.determinant import validity_among
+from lacmesh.quality.geometry import validity_among
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth import surface_of
 from lacmesh.smooth.parents import parents_of

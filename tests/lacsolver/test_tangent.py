@@ -17,7 +17,7 @@ from lacmesh.cells import CELLS
 from lacmesh.surface import points
 from lacmesh.surface.maps import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import normals_of, unit
-from lacmesh.surface.rules import AROUND, FAN30, FITTED
+from lacmesh.surface.place import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent

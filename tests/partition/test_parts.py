@@ -14,7 +14,7 @@ from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
-from lacmesh.partition.owners import bisect
+from lacmesh.partition.parts import bisect
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space

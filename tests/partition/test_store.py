@@ -16,7 +16,7 @@ from lacmesh import LacmeshWarning, Mesh, cut_skin, read
 from lacmesh.cli import main
 from lacmesh.errors import DataError, GroupNotFoundError, ReadError, RequestError, WriteError
 from lacmesh.partition import describe_parts, distribute_nodes, part_of, read_part, write_parts
-from lacmesh.partition.owners import distribute_by_metis
+from lacmesh.partition.parts import distribute_by_metis
 from lacmesh.partition.store import FILE
 from tests import REPOSITORY
 from tests.meshes import random_mesh

@@ -12,7 +12,7 @@ import lacsolver.contact.tangent as tangent
 import lacsolver.problem.pair
 from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
-from lacmesh.surface.rules import CENTROID
+from lacmesh.surface.place import CENTROID
 from lacsolver.saddle.contact_system import ContactSystem
 from verification.families import balance, sliding
 from verification.families.inf_sup import uncut
