@@ -162,3 +162,12 @@ def listed(names: Sequence[str], last: str) -> str:
     ('msh, VTU and XDMF', 'msh')
     """
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """Format a count and its noun for a sentence, in the singular or the plural.
+
+    >>> counted(1, "face turns", "faces turn"), counted(2000, "node")
+    ('1 face turns', '2,000 nodes')
+    """
+    return f"{n:,} {one if n == 1 else many or one + 's'}"

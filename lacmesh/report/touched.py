@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.findings import counted
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.cutting.patterns import RING_PARENTS
-from lacmesh.errors import CutError, LacmeshWarning
+from lacmesh.errors import CutError, LacmeshWarning, counted
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian
 

@@ -217,7 +217,7 @@ def test_each_pair_is_examined_by_itself():
     assert "gap" not in found.summary and found.summary["slave"] == ["head", "base"]
     (partial,) = found.of_rule("partial-coverage")
     assert partial.message.startswith("head on flange: of 10 macro-elements, 3 do not")
-    assert partial.as_dict()["where"]["pair"] == ["head", "flange"] and partial.where.group == "head"
+    assert partial.as_dict()["where"]["pair"] == ("head", "flange") and partial.where.group == "head"
     assert [f.message.split(":")[0] for f in found.of_rule("gap")] == ["head on flange", "base on floor"]
     # a skin in two pairs is told once
     found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
