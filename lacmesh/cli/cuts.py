@@ -163,18 +163,9 @@ def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.
     if cut.origin is None:  # it was cut before, from what is not known
         print(f"{source} is already cut on all of {', '.join(cut.zones)}: written unchanged to {place}")
         return
-    summary = report.summary if report else lacmesh.report.summarise(before, cut)
-    counts = [("nodes", summary.nodes), ("cells", summary.cells)]
-    rows: list[tuple[str, ...]] = [(name, f"{old:,}", f"{new:,}", f"+{new - old:,}") for name, (old, new) in counts]
-    rows += [(f"macro-elements of {zone}", "", f"{macros:,}", "") for zone, macros in summary.zones.items()]
-    rows.append(())
-    for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):
-        old, new = summary.replaced.get(cell_type, 0), summary.children.get(cell_type, 0)
-        rows.append((f"{cell_type} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}"))
-    if summary.replaced:
-        rows.append(("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), ""))
-    else:
-        rows.append(("no cell is cut", "", "", ""))
+    summary = report.summary if report else lacmesh.report.CutSummary.of(before, cut)
+    rows = [*summary.rows()]
+    rows.insert(2 + len(summary.zones), ())
     print_table((f"{Path(source).name} -> {place.name}", "+before", "+after", "+added"), rows)
     print(f"{place}: {spent}")
     if summary.worst[0] <= 0:
