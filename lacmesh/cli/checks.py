@@ -125,22 +125,20 @@ def quality(
     $ lacmesh quality part.lac.msh
     $ lacmesh quality part.med --group slave --measures all --plot quality.png
     """
-    from lacmesh.formats.output import readable
-
     if plot:
         lacmesh.report.check_plot(Path(plot), force=force)
     stage = Stages(run)
     with stage("read"):
         mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("measure"):
-        names = (
-            measures if measures in (None, "all") else [name.strip() for name in measures.split(",") if name.strip()]
-        )
+        names: Any = measures
+        if measures not in (None, "all"):
+            names = [name.strip() for name in measures.split(",") if name.strip()]
         qualities = lacmesh.measure_quality(mesh, group, names)
         children = None if group else _children(mesh)
     if plot:
         with stage("draw"):
-            name = readable(Path(source).name + (f", group {group}" if group else ""))
+            name = lacmesh.formats.output.readable(Path(source).name + (f", group {group}" if group else ""))
             lacmesh.report.plot_quality(qualities, plot, title=f"Quality of {name}", force=force)
     if json:
         print_json({"file": source, **qualities.as_json(), "cut": children and children.as_json()})

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.records import without_records
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats import read, write
 from lacmesh.formats.output import signals_wait, temporary_folder
@@ -92,25 +92,8 @@ def from_mesh(mesh: Mesh, name: str | None = None) -> None:
         _merge(gmsh, path, mesh)
 
 
-def cut_model(
-    slave: str | int | Sequence[str | int],
-    *,
-    hexa: str = "pyramid",
-    interface: str = "both",
-    orient: str = "keep",
-    skin_only: bool = False,
-    node_groups: str = "extend",
-    ring: float = 1 / 3,
-    depth: float = 1 / 2,
-    recognise: bool | None = None,
-    macro: str = "cut",
-    rest: str = "cut",
-    pairs: bool = False,
-    crease_angle: float | None = None,
-    dirichlet: Sequence[str | int] = (),
-    views: bool = True,
-) -> Cut:
-    """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
+def cut_model(slave: str | int | Sequence[str | int], *, views: bool = True, **options: Any) -> Cut:
+    """Cut the mesh of gmsh's current model in place; `options`: of `lacmesh.cut_skin`.
 
     Geometry, parametric coordinates, physical groups, periodic links and all nodes stay as they are; the cells of the
     entities that the cut touches are put in anew. `views`: the records of the cut become gmsh's views, of which
@@ -124,27 +107,11 @@ def cut_model(
     before = to_mesh()
     if gmsh.model.getNumberOfPartitions():
         raise RequestError("the model is partitioned; call gmsh.model.mesh.unpartition() first")
-    cut = cut_skin(
-        before,
-        slave,
-        hexa=hexa,
-        interface=interface,
-        orient=orient,
-        skin_only=skin_only,
-        node_groups=node_groups,
-        ring=ring,
-        depth=depth,
-        recognise=recognise,
-        macro=macro,
-        rest=rest,
-        pairs=pairs,
-        crease_angle=crease_angle,
-        dirichlet=dirichlet,
-    )
+    cut = cut_skin(before, slave, **options)
     if cut.mesh is not before:
         with temporary_folder() as folder, signals_wait():
             path = Path(folder, "cut.msh")
-            write(path, cut.mesh if views else _without_records(cut.mesh))
+            write(path, cut.mesh if views else without_records(cut.mesh))
             content = path.read_bytes()  # without its mesh: the head, and what follows the cells
             head, end = b"$EndMeshFormat\n", b"$EndElements\n"
             path.write_bytes(content[: content.index(head) + len(head)] + content[content.index(end) + len(end) :])
@@ -153,12 +120,6 @@ def cut_model(
             _replace_cells(gmsh, before, cut.mesh)
             _merge(gmsh, path, cut.mesh)
     return cut
-
-
-def _without_records(mesh: Mesh) -> Mesh:
-    cell_data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
-    node_data = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
-    return replace(mesh, cell_data=cell_data, node_data=node_data, zones=())
 
 
 def _replace_cells(gmsh: Any, old: Mesh, new: Mesh) -> None:
