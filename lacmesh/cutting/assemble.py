@@ -51,7 +51,10 @@ class NodeList:
 
 @dataclass(frozen=True)
 class ChildCells:
-    """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and `child_index` (k,) in that, from 0."""
+    """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and their order in it, `child_index` (k,).
+
+    The first child of a parent has the index 0.
+    """
 
     type: str
     nodes: Ints

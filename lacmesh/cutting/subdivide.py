@@ -30,7 +30,7 @@ from lacmesh.cutting.patterns import (
     parent_pattern,
 )
 from lacmesh.cutting.select import Selection
-from lacmesh.mesh import Ints, Mesh, codes, concatenated, mask_of
+from lacmesh.mesh import Ints, Mesh, codes, mask_of
 from lacmesh.quality import corner_jacobian
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.orientation import relative_listing
@@ -41,7 +41,7 @@ PATTERNS = (WHOLE, CONE, RING)
 WHOLE_CODE, CONE_CODE, RING_CODE = range(3)
 HEXA = ("pyramid", "hexa", "auto")
 _RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPES])
-#: a child that is cut again leaves its index to fewer children than so many; they are counted anew after each round
+#: a child that is cut again has fewer children than so many, which come between it and the next
 _ROOM = 8
 
 
@@ -184,7 +184,7 @@ def _cut_parents(mesh: Mesh, cut: CutFaces, parents: FaceIncidence, new_nodes: N
     children = _cut_once(mesh, cut, children, owners, new_nodes)
     for r in range(1, int(nth.max(initial=0)) + 1):
         owners = _owners(cut, children, parents.take(np.flatnonzero(nth == r)), new_nodes.following)
-        children = _counted(_cut_once(mesh, cut, children, owners, new_nodes))
+        children = _cut_once(mesh, cut, children, owners, new_nodes)
     return children
 
 
@@ -238,19 +238,6 @@ def _children(pattern: Template, frame: Ints, parent: Ints, index: Ints | int = 
         )
         for block in pattern.children
     ]
-
-
-def _counted(children: list[ChildCells]) -> list[ChildCells]:
-    """Children whose indices in their parents count from 0 without gaps, in the same order."""
-    parent, index = (
-        concatenated(values) for values in zip(*((b.parent, b.child_index) for b in children), strict=True)
-    )
-    order = np.lexsort((index, parent))
-    start = np.flatnonzero(np.diff(parent[order], prepend=-1))
-    counted = np.empty(len(order), np.int64)
-    counted[order] = np.arange(len(order)) - np.repeat(start, np.diff(start, append=len(order)))
-    ends = np.cumsum([len(b.parent) for b in children])[:-1]
-    return [replace(b, child_index=own) for b, own in zip(children, np.split(counted, ends), strict=True)]
 
 
 def _corners(mesh: Mesh, cells: Ints) -> Ints:
