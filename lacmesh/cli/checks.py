@@ -13,8 +13,8 @@ from typer import Option
 import lacmesh
 from lacmesh.cli.options import AsJson, Facing, Force, MeshFile, MeshName, Recognition, Skins
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
-from lacmesh.errors import DataError, LacmeshWarning
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import DataError, LacmeshWarning, counted
 
 _STYLE = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _STATISTICS = ("+min", "+1 %", "+5 %", "+median", "+95 %", "+99 %", "+max", "+mean")

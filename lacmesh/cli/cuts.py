@@ -15,8 +15,8 @@ import lacmesh
 from lacmesh.cli.checks import warn_of
 from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, MeshOutput, Recognition, Skins, Target, output
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_table
-from lacmesh.errors import DataError, LacmeshWarning, RequestError
+from lacmesh.cli.terminal import Stages, print_table
+from lacmesh.errors import DataError, LacmeshWarning, RequestError, counted
 
 
 @dataclass

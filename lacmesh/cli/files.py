@@ -15,7 +15,8 @@ from typer import Argument, Option
 import lacmesh
 from lacmesh.cli.options import AsJson, Force, ForProgram, MeshFile, MeshName, MeshOutput
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import counted
 
 #: entities that the table lists at most
 _LISTED = 60

@@ -13,8 +13,8 @@ import lacmesh
 from lacmesh.cli.files import summary
 from lacmesh.cli.options import AsJson, Direction, Force, MeshFile, MeshName, MshOutput, Names, Skins
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
-from lacmesh.errors import RequestError
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import RequestError, counted
 
 if TYPE_CHECKING:
     from lacmesh.gmsh import CadShape

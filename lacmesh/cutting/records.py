@@ -99,11 +99,6 @@ class Cut(Described):
         internal = self.mesh.node_data.get(NODE_RECORD)
         return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
 
-    @property
-    def cell_records(self) -> dict[str, Ints]:
-        """All records of the cells, (n_cells,) each, by the names of their data."""
-        return {name: self._cell_record(name) for name in CELL_RECORDS}
-
     def _cell_record(self, name: str) -> Ints:
         """Return a record, or -1 for every cell if the file has none (`lac_parent` if all faces were left whole)."""
         values = self.mesh.cell_data.get(name)
