@@ -120,7 +120,13 @@ def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
             for result in results:
                 if isinstance(result, dict):
                     (figures["pairs"][k] if several else figures).update(result)
-            findings += [_of_pair(f, one) for f in more] if several and scope == "pair" else more
+            if several and scope == "pair":
+                pair = one.slave.group, one.sides[-1].group
+                more = [
+                    replace(f, where=replace(f.where, pair=pair), message=f"{pair[0]} on {pair[1]}: {f.message}")
+                    for f in more
+                ]
+            findings += more
     for failure, of in failures.items():
         message = f"the check of {', '.join(dict.fromkeys(of))} could not be finished ({failure})"
         findings.append(request.finding("not-checked", Place(message)))
@@ -136,13 +142,6 @@ def _arguments(scope: str, request: Request) -> list[tuple[Any, ...]]:
     if scope == "slave":
         return [()] if len(request.slave) else []
     return [(side,) for side in request.sides if len(side)] if "skin" in scope else [()]
-
-
-def _of_pair(finding: Finding, pair: Request) -> Finding:
-    """Return a finding with the pair that it is about."""
-    slave, master = (side.group for side in pair.sides)
-    where = replace(finding.where, pair=(slave, master))
-    return replace(finding, where=where, message=f"{slave} on {master}: {finding.message}")
 
 
 def solution_defects(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> tuple[Finding, ...]:

@@ -280,9 +280,7 @@ def _without_dof(request: Request, what: str) -> tuple[str, Ints, str]:
     return f"{message})", cells, f"cut the skin: lacmesh cut {groups}"
 
 
-@rule(
-    "fixed-internal-dof", "error", "remove the slave faces from the Dirichlet group, or from the slave group", "slave"
-)
+@rule("fixed-internal-dof", "error", "remove these faces from the Dirichlet group, or from the slave group", "slave")
 def fixed_internal_dof(request: Request) -> Iterator[Place]:
     """Every internal dof of a macro-element is in a Dirichlet group."""
     fixed = ~_lacking(request) & (request.once(_dofs).free == 0)
@@ -293,12 +291,7 @@ def fixed_internal_dof(request: Request) -> Iterator[Place]:
         yield Place(message, cells, group=request.slave.group)
 
 
-@rule(
-    "rim-dof",
-    "warning",
-    "cut the faces, or give the constrained groups with --dirichlet for a definite answer",
-    "slave",
-)
+@rule("rim-dof", "warning", "cut the faces, or give the constrained groups with --dirichlet", "slave")
 def rim_dofs(request: Request) -> Iterator[Place]:
     """A macro-element has internal dofs only on the boundary of the slave skin, where a symmetry condition would
     constrain them.

@@ -47,12 +47,7 @@ def _smooth_zones(request: Request, side: CheckedSkin) -> list[tuple[str, Any, S
     return zones
 
 
-@rule(
-    "faceted",
-    "warning",
-    "refine the mesh there, put nodes on the line where two shapes touch, or use quadratic cells",
-    "skin",
-)
+@rule("faceted", "warning", "refine the mesh (16 faces to a full turn or more), or use quadratic cells", "skin")
 def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface meet at
     more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their curvature within few
@@ -67,15 +62,10 @@ def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
             if coarse.doubt > DOUBTFUL:
                 what.append(f"their {doubt_in_words(coarse.doubt)}")
             message = f"{side.counted(len(coarse.cells), 'is|are')} too coarse for a curved skin: they "
-            advice = "refine the mesh (16 faces to a full turn or more), or use quadratic cells"
-            yield Place(f"{message}{', and '.join(what)}", coarse.cells, group=name, advice=advice)
+            yield Place(f"{message}{', and '.join(what)}", coarse.cells, group=name)
 
 
-@rule(
-    "few-faces",
-    "warning",
-    "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
-)
+@rule("few-faces", "warning", "give --crease-angle 40 if the edges are sharp, as those of a nut")
 def few_faces(request: Request) -> Iterator[Place | dict[str, Any]]:
     """A circle, cylinder, sphere or cone of few faces, five to eight to a full turn: they turn by more than 40 degrees,
     and are taken as that shape since all nodes lie on it.
@@ -84,8 +74,7 @@ def few_faces(request: Request) -> Iterator[Place | dict[str, Any]]:
     for name, smooth, surface in (zone for side in request.sides for zone in request.once(_smooth_zones, side)):
         message = few_in_words(smooth) if request.options["surface"] == "smooth" else ""
         if message:
-            advice = "give --crease-angle 40 if the edges are sharp"
-            yield Place(message, surface.cell, group=name, advice=advice)
+            yield Place(message, surface.cell, group=name)
         fitted = fitted_shapes(smooth, surface)
         if not all(one.flat for one in fitted):
             at = [one if one.centre is None else replace(one, centre=one.centre + request.origin) for one in fitted]
@@ -159,12 +148,7 @@ def _bare_zones(request: Request, facing: _Facing) -> dict[str, Bools]:
     return {name: macros for name, macros in of_zone.items() if macros.any() and bare[macros].all()}
 
 
-@rule(
-    "no-coverage",
-    "error",
-    "check the groups, their positions and their orientation, or increase --search-distance",
-    "pair",
-)
+@rule("no-coverage", "error", "check the groups, and where they lie and face, or increase --search-distance", "pair")
 @_paired
 def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
     """No slave face of a zone finds a master face along its normal, within the search distance."""
@@ -174,12 +158,7 @@ def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
         yield Place(message, request.slave.cells[macros[facing.macro]], group=name)
 
 
-@rule(
-    "partial-coverage",
-    "warning",
-    "nothing, if the slave is meant to extend beyond the master; pressures there are zero or act on a part",
-    "pair",
-)
+@rule("partial-coverage", "warning", "nothing to do if the slave is meant to extend beyond the master", "pair")
 @_paired
 def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
     """The master covers less than 95 % of a macro-element, or none of it."""
@@ -190,16 +169,10 @@ def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
         cells = request.slave.cells[(bare | partly)[facing.macro]]
         message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
         message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)})"
-        advice = "nothing to do if the slave is meant to extend beyond the master"
-        yield Place(message, cells, group=request.slave.group, advice=advice)
+        yield Place(message, cells, group=request.slave.group)
 
 
-@rule(
-    "wrong-side",
-    "warning",
-    "orient the skins outward (lacmesh orient), and check which surfaces face each other",
-    "pair",
-)
+@rule("wrong-side", "warning", "orient the skins outward, and check which surfaces face each other", "pair")
 @_paired
 def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
     """Slave and master normals are not opposite where they face each other, or the master lies behind the slave."""

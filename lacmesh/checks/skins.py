@@ -139,12 +139,7 @@ def on_unsupported_cells(request: Request, side: CheckedSkin) -> Iterator[Place]
         yield from request.places(cells, "lies|lie", "on cells of order 3 or higher", side)
 
 
-@rule(
-    "interface",
-    "warning",
-    "separate the bodies (double the nodes: lacmesh split), or remove the faces from the group",
-    "skin",
-)
+@rule("interface", "warning", "double the nodes (lacmesh split), or remove the faces from the group", "skin")
 def interfaces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master face lies between two cells, inside the body, where no gap can open."""
     cells = side.cells[request.n_parents(side) == 2]
@@ -186,12 +181,7 @@ def branches(request: Request, side: CheckedSkin) -> Iterator[Place]:
         yield Place(f"{message}{request.numbers(cells)})", cells, group=side.group)
 
 
-@rule(
-    "mixed-order",
-    "warning",
-    "elevate the order of the linear part (lacmesh convert --order), or make two zones",
-    "skin",
-)
+@rule("mixed-order", "warning", "elevate the order of the linear part, or make two zones", "skin")
 def mixed_orders(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A skin has linear and quadratic faces."""
     order = _ORDER[side.faces.type]
@@ -214,12 +204,7 @@ def crack_front(request: Request) -> Iterator[Place]:
         yield Place(message, nodes=front, group=_both(request))
 
 
-@rule(
-    "shared-nodes",
-    "error",
-    "double the nodes (lacmesh split), or remove the faces that touch from one group",
-    "pair",
-)
+@rule("shared-nodes", "error", "double the nodes (lacmesh split), or remove faces from one of the groups", "pair")
 def shared_nodes(request: Request) -> Iterator[Place]:
     """Slave and master share nodes, where no gap can open."""
     slave = request.slave

@@ -19,16 +19,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.assemble import ChildCells, NodeList, node_values
-from lacmesh.cutting.patterns import (
-    CONE,
-    RING,
-    RING_PARENTS,
-    WHOLE,
-    Template,
-    face_pattern,
-    listings,
-    parent_pattern,
-)
+from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, Template, face_pattern, listings, parent_pattern
 from lacmesh.cutting.select import Selection
 from lacmesh.mesh import Ints, Mesh, codes, mask_of
 from lacmesh.quality import corner_jacobian
