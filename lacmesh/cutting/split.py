@@ -185,10 +185,8 @@ def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
         parts.append(cells := skin_cells(mesh, name))
         if (dim := int(mesh.cell_dim[cells[0]])) != mesh.dim - 1:
             what = f"{('', 'lines', 'surfaces')[dim]} ({mesh.cell_names(cells)})"
-            message = (
-                f"the group {name!r} has {what}; a mesh of dimension {mesh.dim} is split along cells of dimension "
-            )
-            raise DataError(f"{message}{mesh.dim - 1}", mesh.cell_number[cells])
+            message = f"the group {name!r} has {what}; this mesh is split along cells of dimension {mesh.dim - 1}"
+            raise DataError(message, mesh.cell_number[cells])
     faces, _ = distinct_faces(mesh, np.unique(np.concatenate(parts)))
     for name, cells in zip(names, parts, strict=True):
         on = find_repeats(faces, [(k, nodes, some) for k, some, nodes in mesh.select(cells)], mesh.n_nodes).by_cell()
@@ -246,8 +244,8 @@ def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
     alike = np.flatnonzero(agrees[0] == agrees[1])
     if len(alike):
         cells = owners.cell[np.concatenate([2 * alike, 2 * alike + 1])]
-        message = f"has faces on whose two sides the cells list their nodes alike (cells {mesh.cell_names(cells)}), so "
-        raise DataError(f"{message}that they overlap or have no common orientation: see lacmesh check", cells)
+        message = f"has cells on both sides of a face that list its nodes alike ({mesh.cell_names(cells)}): they "
+        raise DataError(f"{message}overlap, or have no common orientation; see lacmesh check", mesh.cell_number[cells])
     return agrees[1]
 
 
@@ -268,8 +266,10 @@ def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Divi
     old = np.full((len(solid.cells), max(nodes.shape[1] for *_, nodes in listed)), -1, np.int64)
     for kind, cells, nodes in listed:
         if kind in CARRIED:
-            message = f"has cells of type {kind} at it ({mesh.cell_names(cells)}): those of order 3 and higher are not "
-            raise DataError(f"{message}split", mesh.cell_number[cells])
+            message = (
+                f"has cells of type {kind}, of order 3 or higher, at it ({mesh.cell_names(cells)}); they are not split"
+            )
+            raise DataError(message, mesh.cell_number[cells])
         old[np.searchsorted(solid.cells, cells), : nodes.shape[1]] = nodes
     division = _Division(solid, old, old, np.empty(0, np.int64))
     # the cells around each node are linked over each facet with this node that they share
@@ -324,11 +324,10 @@ def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
         return cells
     for group in groups:
         if not opened[group.face].any():
-            message = f"no face of the group {group.name!r} can open: the corners of each lie on the front, where the "
-            message += "faces end inside the body and its nodes stay shared; refine the mesh there, or take more faces"
-            raise DataError(message, mesh.cell_number[group.cells])
-    message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the "
-    message += "where the nodes are shared; refine the mesh there to open them"
+            why = "all corners of each lie on the front, whose nodes stay shared; refine the mesh there"
+            raise DataError(f"no face of the group {group.name!r} can open: {why}", mesh.cell_number[group.cells])
+    why = "all their corners lie on the front, whose nodes stay shared; refine the mesh there to open them"
+    message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: {why}"
     warnings.warn(message, LacmeshWarning, stacklevel=4)
     return cells
 
