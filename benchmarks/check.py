@@ -58,8 +58,8 @@ def measured(mesh: Mesh) -> tuple[float, float, dict[str, float]]:
     parts = {}
     for scope, function in (part for rule in RULES.values() for part in rule.functions):
         start = time.perf_counter()
-        for arguments in _arguments(scope, request):
-            _ = [*function(request, *arguments)]
+        for _, *skin in _arguments(scope, request):
+            _ = [*function(request, *skin)]
         parts[function.__name__] = time.perf_counter() - start
     start = time.perf_counter()
     found = check(mesh, "slave", "master", recognise=True)

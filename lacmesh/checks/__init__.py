@@ -110,14 +110,16 @@ def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
         for k, one in enumerate(several or [request]):
             try:
                 with np.errstate(all="ignore"):
-                    results = [result for arguments in _arguments(scope, one) for result in function(one, *arguments)]
-                    more = [one.finding(name, result) for result in results if isinstance(result, Place)]
+                    results = [
+                        (result, group) for group, *skin in _arguments(scope, one) for result in function(one, *skin)
+                    ]
+                    more = [one.finding(name, result, group) for result, group in results if isinstance(result, Place)]
             except RequestError:
                 raise
             except Exception as error:  # an unusual mesh: the other rules go on
                 failures.setdefault(f"{type(error).__name__}: {error}", []).append(name)
                 continue
-            for result in results:
+            for result, _ in results:
                 if isinstance(result, dict):
                     (figures["pairs"][k] if several else figures).update(result)
             if several and scope == "pair":
@@ -136,12 +138,12 @@ def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
 
 
 def _arguments(scope: str, request: Request) -> list[tuple[Any, ...]]:
-    """Return what a function gets besides the request: for a scope of skins each of them."""
-    if scope == "group":
-        return [(side,) for side in request.sides]
-    if scope == "slave":
-        return [()] if len(request.slave) else []
-    return [(side,) for side in request.sides if len(side)] if "skin" in scope else [()]
+    """Return the group of what a function finds, and what it gets besides the request: for skins each of them."""
+    if scope == "mesh":
+        return [(None,)]
+    if scope in ("slave", "pair"):
+        return [(request.slave.group,)] if scope == "pair" or len(request.slave) else []
+    return [(side.group, side) for side in request.sides if len(side) or scope == "group"]
 
 
 def solution_defects(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> tuple[Finding, ...]:
@@ -162,11 +164,13 @@ def _defects(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> Iterator[Finding]:
     mesh = from_origin(mesh, origin)
     request = Request.of(mesh, origin)
     for rule, severity, function in cells.FITTING:
-        yield from (request.finding(rule, place, severity) for place in function(request))
+        yield from (request.finding(rule, place, severity=severity) for place in function(request))
     for pair in dict.fromkeys(pairs):
         if len(np.intersect1d(mesh.cells_of(pair[0]), mesh.cells_of(pair[1]))):
             continue  # one skin on both sides makes no contact at all, which its own message says
         request = Request.of(mesh, origin, pair[:1], pair[1:])
         severity = "error" if skins.is_glued(request) else "warning"
-        for finding in (request.finding("shared-nodes", place, severity) for place in skins.shared_nodes(request)):
+        for finding in (
+            request.finding("shared-nodes", place, severity=severity) for place in skins.shared_nodes(request)
+        ):
             yield replace(finding, where=replace(finding.where, pair=pair))

@@ -228,7 +228,7 @@ def self_intersections(request: Request, side: CheckedSkin) -> Iterator[Place]:
     if len(pairs):
         cells = side.cells[good[np.unique(pairs)]]
         one, many = f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
-        yield Place(f"{counted(len(pairs), one, many)} ({request.numbers(cells)})", cells, group=side.group)
+        yield Place(f"{counted(len(pairs), one, many)} ({request.numbers(cells)})", cells)
 
 
 # ---- faces that cross

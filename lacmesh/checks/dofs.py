@@ -226,7 +226,7 @@ def broken_records(request: Request) -> Iterator[Place]:
     """The data lac_macro, lac_zone, ... of the mesh are not those of a cut: numbers with holes, faces of a
     macro-element that are not connected, or internal dofs where the integrals find none.
     """
-    yield from (fault._replace(group=request.slave.group) for fault in request.once(_dofs).faults)
+    yield from request.once(_dofs).faults
 
 
 @rule("recognised", "info", "nothing", "slave")
@@ -234,9 +234,8 @@ def recognised(request: Request) -> Iterator[Place]:
     """The skin is cut, but has no records of the cut; the macro-elements were recognised."""
     macros, side = request.once(macros_of), request.slave
     if request.once(records_of).recognised and macros.cut.all():
-        message = "the skin is cut, without records: "
-        message += counted(macros.count, "macro-element was", "macro-elements were")
-        yield Place(f"{message} recognised from the faces", side.cells, group=side.group)
+        macro_elements = counted(macros.count, "macro-element was", "macro-elements were")
+        yield Place(f"the skin is cut, without records: {macro_elements} recognised from the faces", side.cells)
 
 
 @rule("half-cut", "warning", "cut the original mesh, with all slave groups at once", "slave")
@@ -256,7 +255,7 @@ def no_internal_dof(request: Request) -> Iterator[Place]:
     if request.once(macros_of).cut.any():
         message, cells, advice = _without_dof(request, "macro-elements own")
         if len(cells):
-            yield Place(message, cells, group=request.slave.group, advice=advice)
+            yield Place(message, cells, advice=advice)
 
 
 @rule("not-cut", "info", "lacmesh cut", "slave")
@@ -265,7 +264,7 @@ def not_cut(request: Request) -> Iterator[Place]:
     if not request.once(macros_of).cut.any():
         message, cells, advice = _without_dof(request, "slave faces own")
         if len(cells):
-            yield Place(f"the skin is not cut yet: {message}; {advice}", cells, group=request.slave.group)
+            yield Place(f"the skin is not cut yet: {message}; {advice}", cells)
 
 
 def _without_dof(request: Request, what: str) -> tuple[str, Ints, str]:
@@ -288,7 +287,7 @@ def fixed_internal_dof(request: Request) -> Iterator[Place]:
         cells = _faces(request, fixed)
         message = f"every internal dof of {counted(int(fixed.sum()), 'macro-element')} is constrained by "
         message += f"{', '.join(request.dirichlet)} (slave faces {request.numbers(cells)})"
-        yield Place(message, cells, group=request.slave.group)
+        yield Place(message, cells)
 
 
 @rule("rim-dof", "warning", "cut the faces, or give the constrained groups with --dirichlet", "slave")
@@ -302,7 +301,7 @@ def rim_dofs(request: Request) -> Iterator[Place]:
         cells = _faces(request, on_boundary)
         message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
         message += f" free dofs on the boundary of the slave skin only (slave faces {request.numbers(cells)}), where a "
-        yield Place(f"{message}symmetry condition would constrain them", cells, group=request.slave.group)
+        yield Place(f"{message}symmetry condition would constrain them", cells)
 
 
 @rule("internal-dof", "info", "nothing", "slave")
@@ -322,4 +321,4 @@ def internal_dofs(request: Request) -> Iterator[Place | dict[str, Any]]:
         whole = f", {as_is:,} of them as faces that need no cut (SEG3, TRIA7, QUAD9)" if as_is else ""
         message = f"{int(owning.sum()):,} of {counted(macros.count, 'macro-element owns', 'macro-elements own')} an "
         message += f"internal dof{whole}" + ("" if cells is None else f" (slave faces {request.numbers(cells)})")
-        yield Place(message, cells, group=request.slave.group)
+        yield Place(message, cells)

@@ -169,7 +169,7 @@ def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
         cells = request.slave.cells[(bare | partly)[facing.macro]]
         message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
         message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)})"
-        yield Place(message, cells, group=request.slave.group)
+        yield Place(message, cells)
 
 
 @rule("wrong-side", "warning", "orient the skins outward, and check which surfaces face each other", "pair")
@@ -184,7 +184,7 @@ def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
             cells = request.slave.cells[gained[facing.macro]]
             message = f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave "
             advice = "flip it: lacmesh orient, or reverse the node order of its faces"
-            yield Place(f"{message}faces {request.numbers(cells)})", cells, group=request.slave.group, advice=advice)
+            yield Place(f"{message}faces {request.numbers(cells)})", cells, advice=advice)
     if np.any(facing.lacking[0]):  # a master that lies deeper than overlapping bodies would may be out of range
         covered = facing.coverage(facing.master, max_penetration=facing.options["search_distance"])
     unseen = covered.ratio > facing.covered.ratio + 0.5
@@ -194,7 +194,7 @@ def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
         message = f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for an overlap of two "
         message += f"bodies (slave faces {request.numbers(cells)})"
         advice = "check that these are the surfaces in contact"
-        yield Place(message, cells, group=request.slave.group, advice=advice)
+        yield Place(message, cells, advice=advice)
 
 
 def _gap(facing: _Facing) -> tuple[dict[str, float], float] | None:
@@ -223,7 +223,7 @@ def gaps(request: Request, facing: _Facing) -> Iterator[Place | dict[str, Any]]:
             "uncovered_macro_elements": int(bare.sum()),
         }
         message = f"gap from {gap['min']:.6g} to {gap['max']:.6g}, mean {gap['mean']:.6g} (open > 0); "
-        yield Place(f"{message}{100 * share:.4g} % of the slave faces the master", group=request.slave.group)
+        yield Place(f"{message}{100 * share:.4g} % of the slave faces the master")
 
 
 @rule("size-ratio", "warning", "refine the coarser side, which limits the resolution of the pressure", "pair")
@@ -233,7 +233,7 @@ def size_ratios(request: Request, facing: _Facing) -> Iterator[Place]:
     ratio = _size_ratio(facing)
     if not 1 / RATIO <= ratio <= RATIO:
         advice = f"refine the {'slave' if ratio > 1 else 'master'}"
-        yield Place(_MEET.format(ratio), group=request.slave.group, advice=advice)
+        yield Place(_MEET.format(ratio), advice=advice)
 
 
 @rule("better-slave", "info", "exchange slave and master, if the slave is not the softer body", "pair")
@@ -243,7 +243,7 @@ def better_slaves(request: Request, facing: _Facing) -> Iterator[Place]:
     ratio, is_rigid = _size_ratio(facing), np.isnan(facing.master.depth).all()  # a rigid side is the stiffer one
     if ratio > HINT and not is_rigid:
         message = f"a hint: {_MEET.format(ratio)}, and by a rule of thumb the master is the coarser and stiffer side; "
-        yield Place(f"{message}consider exchanging them", group=request.slave.group)
+        yield Place(f"{message}consider exchanging them")
 
 
 _MEET = "where they meet, slave macro-elements are {:.3g} times as large as master faces"
@@ -271,7 +271,7 @@ def facing_left_out(request: Request) -> Iterator[Place]:
     if isinstance(facing, _Facing) and len(facing.points) and not _gap(facing):
         why = "lengths are too large or too small to be multiplied"
     if why:
-        yield Place(f"gap and coverage were not computed: {why}", group=request.slave.group, advice="")
+        yield Place(f"gap and coverage were not computed: {why}", advice="")
 
 
 def _macro_sizes(facing: _Facing) -> Floats:

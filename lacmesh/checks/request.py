@@ -182,8 +182,11 @@ class Request:
             place = Place(message, group=None if skin is None else skin.group, advice=advice or None)
             yield place._replace(nodes=cells) if of_nodes else place._replace(cells=cells)
 
-    def finding(self, rule: str, place: Place, severity: str = "") -> Finding:
-        """Return the finding of a rule about a place, with the numbers of the file."""
+    def finding(self, rule: str, place: Place, group: str | None = None, *, severity: str = "") -> Finding:
+        """Return the finding of a rule about a place, with the numbers of the file.
+
+        `group`: that of a place that names none; `severity`: in place of the rule's.
+        """
         severity = severity or RULES[rule].severity
         advice = RULES[rule].advice if place.advice is None else place.advice
         cells, nodes = (np.asarray([] if k is None else k, np.int64) for k in (place.cells, place.nodes))
@@ -194,7 +197,9 @@ class Request:
             severity,
             tuple(self.mesh.cell_number[cells].tolist()),
             tuple(self.mesh.node_number[nodes].tolist()),
-            Where(place.group, (tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())) if len(x) else None),
+            Where(
+                place.group or group, (tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())) if len(x) else None
+            ),
             place.message if severity == "info" or not advice else f"{place.message}; {advice}",
         )
 

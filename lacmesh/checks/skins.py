@@ -165,7 +165,7 @@ def orientation(request: Request, side: CheckedSkin) -> Iterator[Place]:
     advice = f"flip them: lacmesh orient {' '.join(f'--group {name}' for name in side.names)}"
     if len(inward):
         message = f"{len(inward):,} of {side.counted(len(side), 'points|point')} inward ({request.numbers(inward)})"
-        yield Place(message, inward, group=side.group, advice=advice)
+        yield Place(message, inward, advice=advice)
     noun, text = f"{side.what} face without parent cell", "opposite to their neighbours, or inward"
     yield from request.places(against, "points|point", text, side, noun=noun, advice=advice)
 
@@ -178,7 +178,7 @@ def branches(request: Request, side: CheckedSkin) -> Iterator[Place]:
     cells = side.cells[np.unique(uses.face[count[uses.edge] > 2])]
     if len(cells):
         message = f"three or more {side.what} faces meet at {counted(int((count > 2).sum()), 'edge')} (cells "
-        yield Place(f"{message}{request.numbers(cells)})", cells, group=side.group)
+        yield Place(f"{message}{request.numbers(cells)})", cells)
 
 
 @rule("mixed-order", "warning", "elevate the order of the linear part, or make two zones", "skin")
@@ -188,7 +188,7 @@ def mixed_orders(request: Request, side: CheckedSkin) -> Iterator[Place]:
     if order.min() < order.max():
         few = side.cells[order == (1 if 2 * (order == 1).sum() <= len(order) else 2)]
         message = f"the {side.what} skin has linear and quadratic faces (fewer of one: {request.numbers(few)})"
-        yield Place(message, few, group=side.group)
+        yield Place(message, few)
 
 
 # ---- nodes that two skins share
