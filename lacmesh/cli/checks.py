@@ -135,7 +135,8 @@ def quality(
         if measures not in (None, "all"):
             names = [name.strip() for name in measures.split(",") if name.strip()]
         qualities = lacmesh.measure_quality(mesh, group, names)
-        children = None if group else _children(mesh)
+        cut = None if group else lacmesh.cutting.records.cut_of(mesh)
+        children = cut and lacmesh.report.children_quality(cut)
     if plot:
         with stage("draw"):
             name = lacmesh.formats.output.readable(Path(source).name + (f", group {group}" if group else ""))
@@ -145,16 +146,6 @@ def quality(
     elif not run.quiet:
         _print_quality(f"{source}, group {group}" if group else source, qualities, children)
         print(f"{plot}: {stage.spent()}" if plot else stage.spent())
-
-
-def _children(mesh: lacmesh.Mesh) -> Any:
-    """Quality of the children of a mesh that carries a cut, against their parents; None without a cut."""
-    from lacmesh.cutting.records import is_cut
-
-    try:
-        return lacmesh.report.children_quality(lacmesh.Cut(mesh)) if is_cut(mesh) else None
-    except lacmesh.errors.CutError:  # records that mean something else
-        return None
 
 
 def _print_quality(where: str, quality: lacmesh.Quality, children: Any | None) -> None:
@@ -170,12 +161,7 @@ def _print_quality(where: str, quality: lacmesh.Quality, children: Any | None) -
         print_table(columns, _groups(quality))
     if children is not None:
         print(f"cut: {children.children:,} children, {children.invalid:,} invalid")
-        print_table(("corner_jacobian", *_STATISTICS), [("of the children", *_values(children.child))])
-
-
-def _values(s: Any) -> list[str]:
-    """Least, percentiles, largest and mean of a measure."""
-    return [lacmesh.report.number(value) for value in (s.least, *s.percentiles, s.largest, s.mean)]
+        print_table(("corner_jacobian", *_STATISTICS), [("of the children", *lacmesh.report.values(children.child))])
 
 
 def _print_type(cells: Any) -> None:
@@ -190,7 +176,7 @@ def _print_type(cells: Any) -> None:
     rows: list[tuple[str, ...]] = []
     for name, s in cells.measures.items():
         limits = " to ".join(map(lacmesh.report.number, accepted.get(name) or ()))
-        rows.append((name, *_values(s), limits, "" if s.outside is None else f"{s.outside:,}"))
+        rows.append((name, *lacmesh.report.values(s), limits, "" if s.outside is None else f"{s.outside:,}"))
     print_table(("measure", *_STATISTICS, "accepted", "+outside"), rows)
     if not cells.invalid and rank == "validity":  # lines are all alike as long as they are valid
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -145,6 +146,13 @@ def is_cut(mesh: Mesh) -> bool:
     """True if a mesh carries the records of a cut."""
     macro = mesh.cell_data.get("lac_macro")
     return macro is not None and bool((macro >= 0).any())
+
+
+def cut_of(mesh: Mesh) -> Cut | None:
+    """Return the cut that a mesh carries; None without one, or if its data only have the names of records."""
+    with suppress(CutError):
+        return Cut(mesh)
+    return None
 
 
 def with_records(mesh: Mesh, cells: Mapping[str, Ints], internal: Ints, zones: tuple[str, ...]) -> Mesh:

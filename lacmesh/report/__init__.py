@@ -9,6 +9,7 @@ from lacmesh.report.cut_report import children_quality as children_quality
 from lacmesh.report.cut_report import cut_report as cut_report
 from lacmesh.report.cut_report import number as number
 from lacmesh.report.cut_report import report_bytes as report_bytes
+from lacmesh.report.cut_report import values as values
 from lacmesh.report.cut_report import write_report as write_report
 from lacmesh.report.quality_plot import check_plot as check_plot
 from lacmesh.report.quality_plot import plot_quality as plot_quality

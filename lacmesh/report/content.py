@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.cutting.cut import Cut, is_cut
-from lacmesh.errors import CutError
+from lacmesh.cutting.records import cut_of
 from lacmesh.mesh import ENTITY_CODE, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.reference.quadrature import measure
@@ -23,11 +21,7 @@ _PIECE = 1 << 16
 def describe(mesh: Mesh) -> dict[str, Any]:
     """All that `lacmesh info --json` says of a mesh; counts are of distinct cells."""
     low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
-    lac = None
-    if is_cut(mesh):
-        with suppress(CutError):  # records that mean something else
-            cut = Cut(mesh)
-            lac = {"macro_elements": cut.n_macros, "zones": list(cut.zones)}
+    cut = cut_of(mesh)
     return {
         "nodes": mesh.n_nodes,
         "cells": mesh.n_cells,
@@ -39,7 +33,7 @@ def describe(mesh: Mesh) -> dict[str, Any]:
         "node_groups": {name: len(members) for name, members in mesh.node_groups.items()},
         "entities": list(_entities(mesh)),
         "bounding_box": low_high,
-        "lac": lac,
+        "lac": cut and {"macro_elements": cut.n_macros, "zones": list(cut.zones)},
     }
 
 

@@ -277,8 +277,8 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
         if c.dim > 1 or any(c.invalid):
             yield f"## {_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after"
             pairs = ((m, when, own[m]) for m in c.after for when, own in (("before", c.before), ("after", c.after)))
-            rows = [(m, when, *_values(values)) for m, when, values in pairs]
-            yield _table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *_values(c.ratio))])
+            rows = [(m, when, *values(of)) for m, when, of in pairs]
+            yield _table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *values(c.ratio))])
     if report.worst:
         yield "## New cells of lowest quality"
         names = ("cell", "type", "of", "corner_jacobian", "of its parent", "centroid", "groups")
@@ -315,7 +315,8 @@ def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _values(s: Statistics) -> tuple[str, ...]:
+def values(s: Statistics) -> tuple[str, ...]:
+    """Format the least value of a measure, percentiles, the largest and the mean."""
     return tuple(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean))
 
 
