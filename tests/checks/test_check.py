@@ -14,9 +14,9 @@ import pytest
 
 import lacmesh
 from lacmesh import Mesh, cut_skin
-from lacmesh.cells import CELLS
+from lacmesh.cells import CELLS, PIECES
 from lacmesh.checks import RULES, check
-from lacmesh.checks.bodies import PIECES, _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
+from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
 from lacmesh.checks.request import split_pairs
 from lacmesh.cli import main
 from lacmesh.errors import RequestError
