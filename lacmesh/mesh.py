@@ -9,7 +9,7 @@ Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from importlib import import_module
@@ -282,10 +282,8 @@ class Mesh(Described):
 
     def block(self, name: str) -> Ints:
         """(k, n_nodes of the type): nodes of the cells of type `name`; no rows where there are none."""
-        for b in self.blocks:
-            if b.type == name:
-                return b.nodes
-        return np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
+        empty = np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
+        return next((b.nodes for b in self.blocks if b.type == name), empty)
 
     def select(self, cells: Ints) -> Iterator[tuple[str, Ints, Ints]]:
         """Iterate over some cells, block by block: (type, their indices in the mesh, their nodes)."""
@@ -295,6 +293,11 @@ class Mesh(Described):
             chosen = cells[which == k]
             if len(chosen):
                 yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
+
+    def of_type(self, cells: Ints, types: Collection[str]) -> NDArray[np.bool_]:
+        """True for those of some cells (indices) that have one of the types."""
+        known = np.array([b.type in types for b in self.blocks] or [False], bool)
+        return known[np.searchsorted(self.offsets, cells, side="right") - 1]
 
     def places_in_file(self, cells: Ints) -> Ints:
         """Return the places of some cells (indices) among all cells of the file."""

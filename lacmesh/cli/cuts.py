@@ -89,7 +89,8 @@ def cut(
             check_target_cells(mesh, skins.slave or [], program, recognise=choice, **options)
         rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
         result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
-        cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
+        if min_quality is not None:
+            lacmesh.report.refuse_poor(None if result.origin is None else mesh, result, min_quality)
     findings = page = None
     if skins.master:
         with stage("check"):
@@ -99,9 +100,9 @@ def cut(
             others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
             raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
         warn_of(findings)
-    if report and cells is not None:
+    if report and result.origin is not None:
         with stage("report"):
-            page = lacmesh.report.cut_report(mesh, result, findings=findings, cells=cells)
+            page = lacmesh.report.cut_report(mesh, result, findings=findings)
     with stage("write"), _report_beside(report, page, source):
         out.write(place, result.mesh, source, program)
     if not run.quiet:
@@ -110,16 +111,6 @@ def cut(
             print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
         if page:
             print(f"report: {report}")
-
-
-def _touched(before: lacmesh.Mesh, cut: lacmesh.Cut, least: float | None) -> Any:
-    """Return the cells that a cut touched, None if it is an older one. Raises CutError for quality below `least`."""
-    cells = None if cut.origin is None else lacmesh.report.touched(before, cut)
-    if least is not None and cells is None:
-        lacmesh.report.refuse_poor_children(cut, least)
-    elif least is not None:
-        lacmesh.report.refuse_poor(before, cut, least, cells)
-    return cells
 
 
 @contextmanager

@@ -258,8 +258,7 @@ def _segments(mesh: Mesh, faces: Faces) -> list[MacroGroup]:
     segments = faces.take(rows)
     start, stop = segments.nodes[:, :2].T
     owners = find_owners(segments, cells_of_dim(mesh, 2), mesh.n_nodes)
-    quad = np.array([block.type == "QUAD4" for block in mesh.blocks])
-    quad = quad[np.searchsorted(mesh.offsets, owners.cell, side="right") - 1]
+    quad = mesh.of_type(owners.cell, ["QUAD4"])
     behind, quads = (np.bincount(of, minlength=len(rows)) for of in (owners.face, owners.face[quad]))
     size = np.where((behind > 0) & (quads == behind), 3, 2)
     way = mesh.points[stop] - mesh.points[start]

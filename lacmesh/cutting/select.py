@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
+from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
 from lacmesh.topology.orientation import flip_outward
@@ -65,8 +65,8 @@ def skin_faces(mesh: Mesh, groups: Sequence[Ints], dim: int) -> tuple[Ints, Ints
     """Return the cells in groups that are skin faces of a dimension, each once; the place of the first group that holds
     each; the faces; and the rows of the cells that these are from.
     """
-    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
-    parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
+    types = [kind for kind in TYPE_CODE if CELLS[kind].dim == dim > 0]
+    parts = [cells[mesh.of_type(cells, types)] for cells in groups]
     cells = concatenated(parts)
     group = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if len(parts) > 1:

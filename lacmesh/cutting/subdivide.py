@@ -108,8 +108,7 @@ def _allowed_rings(mesh: Mesh, selection: Selection, whole: Bools, hexa: str, sk
     if skin_only:
         return ring & (faces.type != FACE_TYPES.index("SEG2")) & (hexa != "pyramid"), alone
     # with "pyramid" the ring cuts no hexahedron
-    types = [b.type in RING_PARENTS and (hexa != "pyramid" or b.type == "QUAD4") for b in mesh.blocks]
-    able = np.array(types, bool)[np.searchsorted(mesh.offsets, parents.cell, side="right") - 1]
+    able = mesh.of_type(parents.cell, [kind for kind in RING_PARENTS if hexa != "pyramid" or kind == "QUAD4"])
     ring[parents.face[~able]] = False
     if hexa != "auto" and not (able & ~ring[parents.face]).any():
         return ring, alone

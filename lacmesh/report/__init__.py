@@ -14,5 +14,4 @@ from lacmesh.report.cut_report import write_report as write_report
 from lacmesh.report.quality_plot import check_plot as check_plot
 from lacmesh.report.quality_plot import plot_quality as plot_quality
 from lacmesh.report.touched import refuse_poor as refuse_poor
-from lacmesh.report.touched import refuse_poor_children as refuse_poor_children
 from lacmesh.report.touched import touched as touched

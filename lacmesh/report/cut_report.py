@@ -162,16 +162,13 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
     return ChildrenQuality(len(children), invalid, statistics("corner_jacobian", np.concatenate(ranked)))
 
 
-def cut_report(
-    before: Mesh, cut: Cut, *, findings: Iterable[Finding] | None = None, cells: Touched | None = None
-) -> CutReport:
+def cut_report(before: Mesh, cut: Cut, *, findings: Iterable[Finding] | None = None) -> CutReport:
     """Report the effect of a cut on the cells it touched.
 
     `before`: the mesh that was cut. `findings`: those of `lacmesh.check` for the cut, to be included in the report.
-    `cells`: the touched ones, where they are known already (`touched`). Raises CutError where the cut is not of that
-    mesh.
+    Raises CutError where the cut is not of that mesh.
     """
-    cells = touched(before, cut) if cells is None else cells
+    cells = touched(before, cut)
     summary = CutSummary.of(before, cut, cells)
     count = np.bincount(cut.macro_of_node[cut.macro_of_node >= 0], minlength=cut.n_macros)
     zone, first = np.zeros(cut.n_macros, int), np.flatnonzero(cut.child_kind == 1)

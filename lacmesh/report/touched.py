@@ -89,13 +89,22 @@ def worst_children(before: Mesh, cut: Cut, cells: Touched, rows: Ints) -> Iterat
         )
 
 
-def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = None) -> None:
+def refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
     """Raise CutError where a touched cell has a least corner Jacobian below `least` after the cut.
 
-    The message names the worst, their parents and their places, and says which variant would be better there. `cells`:
-    the touched ones, where they are known already (`touched`).
+    The message names the worst, their parents and their places, and says which variant would be better there; the worst
+    alone if the mesh `before` the cut is not known.
     """
-    cells = touched(before, cut) if cells is None else cells
+    if before is None:
+        children = np.flatnonzero(cut.parent_of_cell >= 0)
+        values = _corner(cut.mesh, children)
+        bad = children[~(values >= least)]
+        if len(bad):
+            message = f"{len(bad):,} cells of this cut have a quality below {least:g} (least corner Jacobian), "
+            message += f"{np.nanmin(values):.3g} at least: cells {cut.mesh.cell_names(bad)}; cut the mesh before again"
+            raise CutError(message, cut.mesh.cell_number[bad])
+        return
+    cells = touched(before, cut)
     poor = np.flatnonzero(~(cells.after >= least))
     if not len(poor):
         return
@@ -114,26 +123,12 @@ def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = No
     )
 
 
-def refuse_poor_children(cut: Cut, least: float) -> None:
-    """Raise CutError as `refuse_poor` does, for a cut whose original mesh is not known."""
-    children = np.flatnonzero(cut.parent_of_cell >= 0)
-    values = _corner(cut.mesh, children)
-    poor = children[~(values >= least)]
-    if len(poor):
-        raise CutError(
-            f"{len(poor):,} cells of this cut have a quality below {least:g} (least corner Jacobian), "
-            f"{np.nanmin(values):.3g} at least: cells {cut.mesh.cell_names(poor)}; cut the mesh before again",
-            cut.mesh.cell_number[poor],
-        )
-
-
 def _advice(before: Mesh, cut: Cut, cells: Touched, poor: Ints, least: float) -> str:
     """Advice in a sentence: the other variant, a better mesh, or a lower limit."""
     of = np.unique(cells.of[poor])
     if (cells.before[of] < least).all():
         return "Their parents were below it before: mesh them better, or ask for less"
-    types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
-    ring = types[np.searchsorted(before.offsets, cells.parents, side="right") - 1].any()
+    ring = before.of_type(cells.parents, [kind for kind in RING_PARENTS if CELLS[kind].dim == 3]).any()
     for hexa in ("pyramid", "hexa") if ring else ():  # the two ways to cut hexahedra
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
