@@ -16,8 +16,7 @@ import numpy as np
 from meshes import box, n_bytes
 
 import lacmesh
-from lacmesh.checks import _arguments, check
-from lacmesh.checks.findings import examinations
+from lacmesh.checks import RULES, _arguments, check
 from lacmesh.checks.request import Request
 from lacmesh.mesh import Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
@@ -54,13 +53,14 @@ def measured(mesh: Mesh) -> tuple[float, float, dict[str, float]]:
     options = dict.fromkeys(("search_distance", "max_penetration"))
     options |= {"axisymmetric": False, "surface": "smooth", "crease_angle": 40.0}
     origin = origin_of_mesh(mesh)
-    request = Request.of(from_origin(mesh, origin), ("slave",), ("master",), (), options, origin, True)
+    local = from_origin(mesh, origin)
+    request = Request.of(local, origin, ("slave",), ("master",), recognise=True, **options)
     parts = {}
-    for one in examinations():
+    for scope, function in (part for rule in RULES.values() for part in rule.functions):
         start = time.perf_counter()
-        for arguments in _arguments(one.scope, request):
-            _ = [*one.function(request, *arguments)]
-        parts[one.function.__name__] = time.perf_counter() - start
+        for _, *skin in _arguments(scope, request):
+            _ = [*function(request, *skin)]
+        parts[function.__name__] = time.perf_counter() - start
     start = time.perf_counter()
     found = check(mesh, "slave", "master", recognise=True)
     seconds = time.perf_counter() - start

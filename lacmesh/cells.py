@@ -204,3 +204,16 @@ CARRIED: Mapping[str, Cell] = MappingProxyType(
 )
 #: Both: every name that a block of a mesh may have.
 ALL_CELLS: Mapping[str, Cell] = MappingProxyType({**CELLS, **CARRIED})
+#: flat pieces of faces, by places among the face's nodes, all of which they use; they turn as the face does
+PIECES = {
+    "SEG2": ((0, 1),),
+    "SEG3": ((0, 2), (2, 1)),
+    "TRIA3": ((0, 1, 2),),
+    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
+    "QUAD4": ((0, 1, 2), (0, 2, 3)),
+    "QUAD8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7)),
+    "QUAD9": (
+        (0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8),
+    ),
+}  # fmt: skip

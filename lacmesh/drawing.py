@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.checks.findings import counted
 from lacmesh.cutting.cut import is_cut
-from lacmesh.errors import LacmeshWarning, RequestError, some
+from lacmesh.errors import LacmeshWarning, RequestError, counted, some
 from lacmesh.grids import (
     LINEAR,
     PALETTE,

@@ -1,6 +1,6 @@
-"""Errors and warnings of lacmesh, one class per condition; a message is one sentence: what, where, what to try.
+"""Errors and warnings of lacmesh, one class for each way to react; a message is one sentence: what, where, what to try.
 
-Each class carries the exit status of the command (docs/conventions.md lists them).
+Each class carries the exit status of the command (docs/conventions.md lists them). Sentences for all messages, too.
 """
 
 from __future__ import annotations
@@ -63,14 +63,11 @@ class GroupNotFoundError(RequestError):
     """
 
     def __init__(self, name: str, known: Iterable[str], what: str = "cell group", hint: str = "") -> None:
-        self.name = name
-        self.known = tuple(known)
-        self.hint = hint
-        super().__init__(f"no {what} named {name!r}{did_you_mean(name, self.known)}{hint}")
+        super().__init__(f"no {what} named {name!r}{did_you_mean(name, known)}{hint}")
 
 
-class ReadError(LacmeshError):
-    """A file that cannot be read; `path` and `place` (a line, a byte, a path inside the file) say where.
+class FileError(LacmeshError):
+    """A file that cannot be used; `path` and `place` (a line, a byte, a path inside the file) say where.
 
     `reason`: the message without these.
 
@@ -80,22 +77,17 @@ class ReadError(LacmeshError):
 
     status = 3
 
-    def __init__(self, path: Any, message: str, place: str | None = None) -> None:
-        self.path = str(path)
-        self.place = place
-        self.reason = message
-        super().__init__(f"{self.path}: {message}" if place is None else f"{self.path}, {place}: {message}")
+    def __init__(self, path: Any, reason: str, place: str | None = None) -> None:
+        self.path, self.reason, self.place = str(path), reason, place
+        super().__init__(f"{self.path}{'' if place is None else f', {place}'}: {reason}")
 
 
-class WriteError(LacmeshError):
+class ReadError(FileError):
+    """A file that cannot be read."""
+
+
+class WriteError(FileError):
     """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind."""
-
-    status = 3
-
-    def __init__(self, path: Any, message: str) -> None:
-        self.path = str(path)
-        self.what = message
-        super().__init__(f"{self.path}: {message}")
 
 
 @contextmanager
@@ -162,3 +154,12 @@ def listed(names: Sequence[str], last: str) -> str:
     ('msh, VTU and XDMF', 'msh')
     """
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """Format a count and its noun for a sentence, in the singular or the plural.
+
+    >>> counted(1, "face turns", "faces turn"), counted(2000, "node")
+    ('1 face turns', '2,000 nodes')
+    """
+    return f"{n:,} {one if n == 1 else many or one + 's'}"

@@ -9,7 +9,7 @@ Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from importlib import import_module
@@ -29,7 +29,7 @@ from lacmesh.indices import distinct as distinct
 from lacmesh.indices import mask_of as mask_of
 from lacmesh.indices import places_of as places_of
 from lacmesh.indices import positions as positions
-from lacmesh.model import Fixed, entity_rows, entity_tag, fixed_mapping
+from lacmesh.model import Fixed, fixed_mapping
 from lacmesh.model import Model as Model
 from lacmesh.model import Periodic as Periodic
 from lacmesh.model import Step as Step
@@ -165,10 +165,7 @@ class Mesh(Described):
         return _later("exchange.libraries").to_meshio(self)
 
     def to_pyvista(self, *, groups: bool = True, data: bool = True) -> Any:
-        """Return the mesh as a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.to_pyvista`.
-
-        `groups`, `data`: whether groups and data are carried. Raises RequestError, DataError.
-        """
+        """Return a `pyvista.UnstructuredGrid`, with groups and data if wanted. Raises RequestError, DataError."""
         return _later("exchange.libraries").to_pyvista(self, groups=groups, data=data)
 
     @classmethod
@@ -285,10 +282,8 @@ class Mesh(Described):
 
     def block(self, name: str) -> Ints:
         """(k, n_nodes of the type): nodes of the cells of type `name`; no rows where there are none."""
-        for b in self.blocks:
-            if b.type == name:
-                return b.nodes
-        return np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
+        empty = np.empty((0, ALL_CELLS[name].n_nodes), np.int64)
+        return next((b.nodes for b in self.blocks if b.type == name), empty)
 
     def select(self, cells: Ints) -> Iterator[tuple[str, Ints, Ints]]:
         """Iterate over some cells, block by block: (type, their indices in the mesh, their nodes)."""
@@ -298,6 +293,11 @@ class Mesh(Described):
             chosen = cells[which == k]
             if len(chosen):
                 yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
+
+    def of_type(self, cells: Ints, types: Collection[str]) -> NDArray[np.bool_]:
+        """True for those of some cells (indices) that have one of the types."""
+        known = np.array([b.type in types for b in self.blocks] or [False], bool)
+        return known[np.searchsorted(self.offsets, cells, side="right") - 1]
 
     def places_in_file(self, cells: Ints) -> Ints:
         """Return the places of some cells (indices) among all cells of the file."""
@@ -331,7 +331,11 @@ class Mesh(Described):
                 return names[0]
             if names:
                 raise RequestError(f"tag {spec} means several groups ({', '.join(sorted(names))}); say dimension:tag")
-        raise GroupNotFoundError(spec, self.cell_groups, hint=self._entity_hint())
+        hint, known = "", [] if self.cell_groups else self.entities
+        if known:  # how to name an entity instead, preferably one of the skin
+            dim, tag = min(known, key=lambda entity: (entity[0] != self.dim - 1, entity))
+            hint = f", but entity:DIM:TAG names an entity, as entity:{dim}:{tag} (lacmesh info lists them)"
+        raise GroupNotFoundError(spec, self.cell_groups, hint=hint)
 
     @property
     def entities(self) -> list[Tag]:
@@ -344,25 +348,22 @@ class Mesh(Described):
     @property
     def entity_of_cell(self) -> Ints:
         """(k, 2): dimension and tag of each cell's entity; no rows in a mesh without entities."""
-        return entity_rows(self.cell_data, self.n_cells)
-
-    def _entity_hint(self) -> str:
-        """End of a message for a mesh without groups: how to name an entity instead, preferably one of the skin."""
-        known = [] if self.cell_groups else self.entities
-        if not known:
-            return ""
-        dim, tag = min(known, key=lambda entity: (entity[0] != self.dim - 1, entity))
-        return f", but entity:DIM:TAG names an entity, as entity:{dim}:{tag} (lacmesh info lists them)"
+        entity = self.cell_data.get("entity")
+        if entity is None or entity.shape != (self.n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
+            return np.empty((0, 2), np.int64)
+        return entity
 
     def cells_of(self, spec: Spec) -> Ints:
         """Sorted indices of the cells that `spec` names: a group (see `group`), or `entity:2:17`, an entity of msh."""
         spec = spec_text(spec)
         if not spec.startswith("entity:") or spec in self.cell_groups:
             return self.cell_groups[self.group(spec)]
-        cells = np.flatnonzero((self.entity_of_cell == entity_tag(spec)).all(axis=1))
+        parts = spec.split(":")[1:]
+        if len(parts) != 2 or not all(p.isdigit() for p in parts):
+            raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
+        cells = np.flatnonzero((self.entity_of_cell == [int(p) for p in parts]).all(axis=1))
         if not len(cells):
-            known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
-            raise GroupNotFoundError(spec, known, "entity")
+            raise GroupNotFoundError(spec, [f"entity:{dim}:{tag}" for dim, tag in self.entities], "entity")
         return cells
 
     def cell_names(self, cells: Iterable[int]) -> str:
@@ -407,18 +408,18 @@ def spec_list(specs: str | int | Iterable[str | int]) -> list[str]:
     return [str(s) for s in ([specs] if isinstance(specs, (str, int, np.integer)) else specs)]
 
 
+def _rows(what: str, values: Any, size: int) -> NDArray:
+    values = np.asarray(values)
+    if len(values) != size:
+        raise ValueError(f"{what} has {len(values)} rows, expected {size}")
+    return values
+
+
 def _numbers(name: str, values: Any, size: int) -> Ints:
     """Return integers (size,), by default 1, 2, ...; raise ValueError for others."""
     values = np.arange(1, size + 1) if values is None else np.asarray(values)
     if values.shape != (size,) or values.dtype.kind not in "iu":
         raise ValueError(f"{name} must be integers ({size},), not {values.dtype} {values.shape}")
-    return values
-
-
-def _rows(what: str, values: Any, size: int) -> NDArray:
-    values = np.asarray(values)
-    if len(values) != size:
-        raise ValueError(f"{what} has {len(values)} rows, expected {size}")
     return values
 
 

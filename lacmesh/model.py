@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError
 from lacmesh.indices import Ints
 
 Tag = tuple[int, int]  # (dimension, tag), gmsh's way to name a physical group or an entity
@@ -74,23 +73,3 @@ class Model:
 
     boundary: Mapping[Tag, tuple[int, ...]] = field(default_factory=dict)
     periodic: tuple[Periodic, ...] = ()
-
-
-def entity_rows(cell_data: Mapping[str, NDArray], n_cells: int) -> Ints:
-    """Return the dimension and tag (n_cells, 2) of each cell's entity from the data of cells; no rows without any."""
-    entity = cell_data.get("entity")
-    if entity is None or entity.shape != (n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
-        return np.empty((0, 2), np.int64)
-    return entity
-
-
-def entity_tag(spec: str) -> Tag:
-    """Return the dimension and tag of an entity of msh. Raises RequestError.
-
-    >>> entity_tag("entity:2:17")
-    (2, 17)
-    """
-    parts = spec.split(":")[1:]
-    if len(parts) != 2 or not all(p.isdigit() for p in parts):
-        raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
-    return int(parts[0]), int(parts[1])

@@ -120,7 +120,7 @@ def test_findings_of_the_check_are_in_every_form(tmp_path):
     page, text, told = written(tmp_path, cut_report(mesh, cut, findings=(bad,)))
     assert "node 7 is &lt;of&gt; both|sides; part them." in page
     assert "node 7 is \\<of\\> both\\|sides; part them." in text
-    assert json.loads(told)["findings"] == [bad.as_dict()]
+    assert json.loads(told)["findings"] == json.loads(json.dumps([bad.as_dict()]))
     found = check(cut, "slave")
     assert cut_report(mesh, cut, findings=found).findings == found.findings
     for findings, listed in (((), []), (None, None)):  # nothing is found, and nothing was sought

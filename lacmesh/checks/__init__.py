@@ -12,30 +12,27 @@ Every rule is a function with the decorator `rule`; `docs/check.md` lists them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from lacmesh.checks.findings import Examination, Finding, Findings, Place, Rule, Where, all_rules, examinations
+from lacmesh.checks import cells, skins, dofs, bodies, facing  # isort: skip  # the order of the rules
+from lacmesh.checks.findings import RULES, SEVERITIES, Finding, Findings, Place, Rule, Where
 from lacmesh.checks.request import Request, check_one_pair
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Mesh, MeshLike, Spec, as_mesh, spec_list, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 
-__all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check", "solution_defects"]
+__all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "bodies", "check", "dofs", "facing", "solution_defects"]
 
-RULES: dict[str, Rule]
+RULES["not-checked"] = Rule("error", "a part of the check failed", "report it, with the mesh", [])
+#: rules that need no cells of dimension 2 or 3
+_OF_ANY_MESH = ("no-cells", "repeated-number", "not-finite", "unreferenced-node")
 Specs = str | int | Sequence[str | int]
-
-
-def __getattr__(name: str) -> dict[str, Rule]:
-    if name == "RULES":  # a command that checks nothing does without the modules of the rules
-        return all_rules()
-    raise AttributeError(name)
 
 
 def check(
@@ -92,7 +89,7 @@ def check(
         check_one_pair(slaves, masters)
     single = [((spec_text(one),), (spec_text(other),)) for one, other in pairs or ()]
     request, *by_pair = (
-        Request.of(local, *sides, fixed, options, origin, recognise) for sides in [(slaves, masters), *single]
+        Request.of(local, origin, *sides, fixed, recognise, **options) for sides in [(slaves, masters), *single]
     )
     return _examined(request, by_pair if len(by_pair) > 1 else [])
 
@@ -104,64 +101,52 @@ def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
     figures: dict[str, Any] = {}
     for side in request.sides:
         figures |= {side.what: list(side.names), f"{side.what}_faces": len(side)}
+    figures |= {"nodes": request.mesh.n_nodes, "cells": request.mesh.n_cells}
     if by_pair:
         figures["pairs"] = [{side.what: side.group for side in one.sides} for one in by_pair]
-    for scope, group in _in_turn(request.mesh):
+    every = RULES if request.mesh.dim > 1 else _OF_ANY_MESH
+    for name, scope, function in ((one, *part) for one in every for part in RULES[one].functions):
         several = by_pair if "pair" in scope else ()
         for k, one in enumerate(several or [request]):
-            of_figures = figures["pairs"][k] if several else figures
-            for arguments in _arguments(scope, one):
-                for examination in group:
-                    try:
-                        with np.errstate(all="ignore"):
-                            result = examination.function(one, *arguments)
-                            if not examination.rule:
-                                of_figures |= result
-                                continue
-                            more = [one.finding(examination.rule, place) for place in result]
-                    except RequestError:
-                        raise
-                    except Exception as error:  # an unusual mesh: the other rules go on
-                        failures.setdefault(f"{type(error).__name__}: {error}", []).append(
-                            examination.rule or examination.function.__name__
-                        )
-                        continue
-                    findings += [_of_pair(f, one) for f in more] if several and scope == "pair" else more
-    for failure, names in failures.items():
-        message = f"the check of {', '.join(dict.fromkeys(names))} could not be finished ({failure})"
-        findings.append(request.finding("not-checked", Place(f"{message}; report it, with the mesh")))
-    return Findings.of(list(dict.fromkeys(findings)), figures)
-
-
-def _in_turn(mesh: Mesh) -> list[tuple[str, list[Examination]]]:
-    """Return the examinations in their order, those of one scope that follow one another together."""
-    groups: list[tuple[str, list[Examination]]] = []
-    for one in examinations():
-        if mesh.dim < 2 and one.rule not in ("no-cells", "repeated-number", "not-finite", "unreferenced-node"):
-            continue
-        if not groups or groups[-1][0] != one.scope:
-            groups.append((one.scope, []))
-        groups[-1][1].append(one)
-    return groups
+            try:
+                with np.errstate(all="ignore"):
+                    results = [
+                        (result, group) for group, *skin in _arguments(scope, one) for result in function(one, *skin)
+                    ]
+                    more = [one.finding(name, result, group) for result, group in results if isinstance(result, Place)]
+            except RequestError:
+                raise
+            except Exception as error:  # an unusual mesh: the other rules go on
+                failures.setdefault(f"{type(error).__name__}: {error}", []).append(name)
+                continue
+            for result, _ in results:
+                if isinstance(result, dict):
+                    (figures["pairs"][k] if several else figures).update(result)
+            if several and scope == "pair":
+                pair = one.slave.group, one.sides[-1].group
+                more = [
+                    replace(f, where=replace(f.where, pair=pair), message=f"{pair[0]} on {pair[1]}: {f.message}")
+                    for f in more
+                ]
+            findings += more
+    for failure, of in failures.items():
+        message = f"the check of {', '.join(dict.fromkeys(of))} could not be finished ({failure})"
+        findings.append(request.finding("not-checked", Place(message)))
+    ranked = sorted(dict.fromkeys(findings), key=lambda f: SEVERITIES.index(f.severity))
+    counts = {severity: sum(f.severity == severity for f in ranked) for severity in SEVERITIES}
+    return Findings(tuple(ranked), {"ok": counts["error"] == 0, **counts, **figures})
 
 
 def _arguments(scope: str, request: Request) -> list[tuple[Any, ...]]:
-    """Return what a function gets besides the request: for a scope of skins each of them."""
-    if scope == "group":
-        return [(side,) for side in request.sides]
-    if scope == "slave":
-        return [()] if len(request.slave) else []
-    return [(side,) for side in request.sides if len(side)] if "skin" in scope else [()]
+    """Return the group of what a function finds, and what it gets besides the request: for skins each of them."""
+    if scope == "mesh":
+        return [(None,)]
+    if scope in ("slave", "pair"):
+        return [(request.slave.group,)] if scope == "pair" or len(request.slave) else []
+    return [(side.group, side) for side in request.sides if len(side) or scope == "group"]
 
 
-def _of_pair(finding: Finding, pair: Request) -> Finding:
-    """Return a finding with the pair that it is about."""
-    slave, master = (side.group for side in pair.sides)
-    where = finding.where._replace(pair=(slave, master))
-    return replace(finding, where=where, message=f"{slave} on {master}: {finding.message}")
-
-
-def solution_defects(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Finding, ...]:
+def solution_defects(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> tuple[Finding, ...]:
     """Return findings of `check` that make a solution wrong without showing in it (errors), or may do so (warnings).
 
     `pairs`: slave and master of each contact; a finding about one of them names it in `where`. Certainly wrong:
@@ -170,21 +155,22 @@ def solution_defects(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Find
     cells do not share, where the body is torn; some nodes shared by slave and master, but for the front of a crack;
     cells with two coincident nodes. It is cheap compared with a solution: nothing is searched in space.
     """
-    from lacmesh.checks.cells import FITTING
-    from lacmesh.checks.skins import is_glued, shared_nodes
+    with np.errstate(all="ignore"):  # coordinates that are not finite are reported elsewhere
+        return tuple(_defects(mesh, pairs))
 
+
+def _defects(mesh: Mesh, pairs: Iterable[tuple[str, str]]) -> Iterator[Finding]:
     origin = origin_of_mesh(mesh)
     mesh = from_origin(mesh, origin)
-    request = Request.of(mesh, (), (), (), {}, origin)
-    findings = []
-    with np.errstate(all="ignore"):  # coordinates that are not finite are reported elsewhere
-        for rule, severity, function in FITTING:
-            findings += [replace(request.finding(rule, place), severity=severity) for place in function(request)]
-        for pair in dict.fromkeys(pairs):
-            if len(np.intersect1d(mesh.cells_of(pair[0]), mesh.cells_of(pair[1]))):
-                continue  # one skin on both sides makes no contact at all, which its own message says
-            skins = Request.of(mesh, pair[:1], pair[1:], (), {}, origin)
-            severity = "error" if is_glued(skins) else "warning"
-            for finding in (skins.finding("shared-nodes", place) for place in shared_nodes(skins)):
-                findings.append(replace(finding, severity=severity, where=finding.where._replace(pair=pair)))
-    return tuple(findings)
+    request = Request.of(mesh, origin)
+    for rule, severity, function in cells.FITTING:
+        yield from (request.finding(rule, place, severity=severity) for place in function(request))
+    for pair in dict.fromkeys(pairs):
+        if len(np.intersect1d(mesh.cells_of(pair[0]), mesh.cells_of(pair[1]))):
+            continue  # one skin on both sides makes no contact at all, which its own message says
+        request = Request.of(mesh, origin, pair[:1], pair[1:])
+        severity = "error" if skins.is_glued(request) else "warning"
+        for finding in (
+            request.finding("shared-nodes", place, severity=severity) for place in skins.shared_nodes(request)
+        ):
+            yield replace(finding, where=replace(finding.where, pair=pair))

@@ -16,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.cells import PIECES
+from lacmesh.checks.findings import Place, rule
 from lacmesh.checks.request import PLACE, SHOWN, Bools, CheckedSkin, Request
-from lacmesh.errors import listed
+from lacmesh.errors import counted, listed
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.boxes import meeting, meeting_each_other
-from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, distinct_edges
+from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, distinct_edges, label_rows
 
 #: pairs of pieces that are compared at once
 _PIECE = 1 << 15
@@ -33,55 +34,23 @@ EPSILON = 1e-9
 #: a point is inside a piece when its barycentric coordinates are above this
 INSIDE = 1e-7
 
-#: pieces of each face, by their places among the face's nodes
-PIECES = {
-    "SEG2": ((0, 1),),
-    "SEG3": ((0, 2), (2, 1)),
-    "TRIA3": ((0, 1, 2),),
-    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
-    "QUAD4": ((0, 1, 2), (0, 2, 3)),
-    "QUAD8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7)),
-    "QUAD9": (
-        (0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8),
-    ),
-}  # fmt: skip
-#: a direction that few nodes of a regular mesh share
-_OBLIQUE = np.array([0.5773502691896258, 0.6180339887498949, 0.5346223239512241])
-
 
 @rule("bodies", "info", "nothing, if this is the expected number")
-def bodies(request: Request) -> Iterator[Place]:
+def bodies(request: Request) -> Iterator[Place | dict[str, Any]]:
     """Number of separate bodies."""
-    count = int(request.bodies.max(initial=-1)) + 1
-    if not count:
-        return
-    message = f"the cells make {counted(count, 'body', 'separate bodies')}"
-    message += f" ({_named(request, np.arange(count))})" if count > 1 else ""
-    of_sides = request.once(_bodies_of_sides)
-    if len(of_sides) == 2 and all(map(len, of_sides.values())):
-        common = np.intersect1d(of_sides["slave"], of_sides["master"])
-        where = (
-            f"the same body{f', {_named(request, common)}' if count > 1 else ''}" if len(common) else "different ones"
-        )
-        message += f"; slave and master are on {where}"
-    yield Place(message)
-
-
-def _bodies_of_sides(request: Request) -> dict[str, Ints]:
-    """The bodies on which each skin lies, of skins that have faces."""
-    of_node = {side.what: request.bodies[side.nodes] for side in request.sides if len(side)}
-    return {what: np.unique(bodies[bodies >= 0]) for what, bodies in of_node.items()}
-
-
-@figures()
-def body_figures(request: Request) -> dict[str, Any]:
-    """Return the number of bodies, and of those on which the skins lie."""
-    of_sides = request.once(_bodies_of_sides) if len(request.bodies) and request.bodies.max() >= 0 else {}
-    return {
-        "bodies": int(request.bodies.max(initial=-1)) + 1,
-        **{f"bodies_of_{what}": len(which) for what, which in of_sides.items()},
-    }
+    count, of_sides = request.n_bodies, {}
+    if count:  # the bodies on which each skin lies, of skins that have faces
+        of_node = {side.what: request.bodies[side.nodes] for side in request.sides if len(side)}
+        of_sides = {what: np.unique(of[of >= 0]) for what, of in of_node.items()}
+    yield {"bodies": count} | {f"bodies_of_{what}": len(which) for what, which in of_sides.items()}
+    if count:
+        message = f"the cells make {counted(count, 'body', 'separate bodies')}"
+        message += f" ({_named(request, np.arange(count))})" if count > 1 else ""
+        if len(of_sides) == 2 and all(map(len, of_sides.values())):
+            common = np.intersect1d(of_sides["slave"], of_sides["master"])
+            same = f"the same body{f', {_named(request, common)}' if count > 1 else ''}"
+            message += f"; slave and master are on {same if len(common) else 'different ones'}"
+        yield Place(message)
 
 
 def _boundary(request: Request) -> tuple[Ints, Ints]:
@@ -103,15 +72,19 @@ def _on_sides(request: Request, a: Ints, b: Ints) -> Bools:
 
     Pairs of two bodies are also explained where one of the two is on either skin.
     """
-    if request.master is None:
-        on = np.zeros(request.mesh.n_nodes, bool)
-        on[request.slave.nodes] = True  # the master is not known: whatever touches the slave may be it
-        return (on[a] | on[b]) & (request.bodies[a] != request.bodies[b])
+    on = _sides_of(request)
+    apart = request.bodies[a] != request.bodies[b]
+    either = apart & (on[:, a] | on[:, b]).any(axis=0)
+    # without a known master, whatever touches the slave may be it
+    return either if request.master is None else either | (on[0, a] & on[1, b]) | (on[1, a] & on[0, b])
+
+
+def _sides_of(request: Request) -> Bools:
+    """(2, n_nodes): True for nodes of the slave, and of the master."""
     on = np.zeros((2, request.mesh.n_nodes), bool)
     for k, side in enumerate(request.sides):
         on[k, side.nodes] = True
-    apart = request.bodies[a] != request.bodies[b]
-    return (on[0, a] & on[1, b]) | (on[1, a] & on[0, b]) | (apart & (on[0, a] | on[1, a] | on[0, b] | on[1, b]))
+    return on
 
 
 @rule("coincident-nodes", "warning", "merge the nodes, unless the mesh is meant to be open there")
@@ -126,9 +99,9 @@ def coincident_nodes(request: Request) -> Iterator[Place]:
     again, torn = _unexplained(request, nodes, place)
     if again.any():
         what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
-        message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')}"
-        message += f" ({request.node_numbers(nodes[again])}): {what}; merge them if this is not intended"
-        yield Place(message, nodes=nodes[again])
+        message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')} "
+        message += f"({request.node_numbers(nodes[again])}): {what}"
+        yield Place(message, nodes=nodes[again], advice="merge them if this is not intended")
 
 
 def _unexplained(request: Request, nodes: Ints, place: Ints) -> tuple[Bools, Bools]:
@@ -137,10 +110,7 @@ def _unexplained(request: Request, nodes: Ints, place: Ints) -> tuple[Bools, Boo
     A pair of nodes is explained if one is on the slave and one on the master, or if they belong to two bodies and one
     is on a skin (`_on_sides`). Nodes are counted place by place: thousands at one place would make millions of pairs.
     """
-    on = np.zeros((2, request.mesh.n_nodes), bool)
-    for k, side in enumerate(request.sides):
-        on[k, side.nodes] = True
-    slave, master = on[:, nodes]
+    slave, master = _sides_of(request)[:, nodes]
     off = ~(slave | master)
     body = np.unique(np.column_stack([place, request.bodies[nodes]]), axis=0, return_inverse=True)[1].ravel()
     kinds = off, slave & ~master, master & ~slave
@@ -165,28 +135,13 @@ def _edge_length(request: Request, corners: Ints, nodes: Ints) -> float:
 
 
 def same_place(x: Floats, room: float) -> Ints:
-    """(n,): labels of places, the same for points (n, 3) that lie within `room` of each other.
+    """(n,): labels of places, the same for points (n, 3) that lie within `room` of each other along each axis."""
+    from scipy.spatial import cKDTree
 
-    The points are sorted along a line and each is joined to the next one near it only, so that many points at one place
-    do not raise the cost.
-    """
-    along = x @ _OBLIQUE
-    order = np.argsort(along, kind="stable")
-    along = along[order]
-    reach = 2 * room + 4 * np.finfo(float).eps * np.abs(x[order]).sum(axis=1)  # what is equal may be projected apart
-    left, right = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    alive = np.arange(len(x))
-    step = 1
-    while len(alive):
-        alive = alive[alive + step < len(x)]
-        alive = alive[along[alive + step] - along[alive] <= reach[alive]]
-        i, j = order[alive], order[alive + step]
-        near = (np.abs(x[i] - x[j]) <= room).all(axis=1)
-        left.append(i[near])
-        right.append(j[near])
-        alive = alive[~near]
-        step += 1
-    return label_components(np.concatenate(left), np.concatenate(right), len(x))
+    label, count = label_rows((x + 0.0).view(np.int64))  # 0.0 is -0.0
+    points = x[np.unique(label, return_index=True)[1]]
+    near = cKDTree(points).query_pairs(room, p=np.inf, output_type="ndarray").T if room > 0 else np.empty((2, 0), int)
+    return label_components(near[0], near[1], count)[label]
 
 
 @rule("torn-body", "warning", "mesh both sides conformingly, or tie them in the solver")
@@ -201,8 +156,8 @@ def torn_bodies(request: Request) -> Iterator[Place]:
     if len(node):
         message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
         owner = _named(request, np.unique(request.bodies[node])) if request.bodies.max() else "the body"
-        message += f" of {owner}, to which they belong ({request.node_numbers(node)}): its cells do not conform there; "
-        yield Place(f"{message}mesh both sides conformingly, or tie them in the solver", nodes=node)
+        message += f" of {owner}, to which they belong ({request.node_numbers(node)}): its cells do not conform there"
+        yield Place(message, nodes=node)
 
 
 def inside_edges(request: Request, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints, Ints]:
@@ -245,9 +200,8 @@ def _hanging(request: Request, side: CheckedSkin) -> Ints:
 @rule("hanging-node", "error", "mesh the skin conformingly", "skin of pair")
 def hanging_nodes(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A node of a skin lies inside an edge of another face of it: the skin does not conform."""
-    subject = f"node of the {side.what} skin lies|nodes of the {side.what} skin lie"
-    text = "inside edges of its other faces (#); mesh the skin conformingly"
-    yield from request.places(request.once(_hanging, side), subject, text, on="node", skin=side)
+    noun, text = f"node of the {side.what} skin", "inside edges of its other faces"
+    yield from request.places(request.once(_hanging, side), "lies|lie", text, side, noun=noun)
 
 
 @rule("self-intersection", "error", "repair the geometry there", "skin of pair")
@@ -261,11 +215,7 @@ def self_intersections(request: Request, side: CheckedSkin) -> Iterator[Place]:
     if len(pairs):
         cells = side.cells[good[np.unique(pairs)]]
         one, many = f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
-        yield Place(
-            f"{counted(len(pairs), one, many)} ({request.numbers(cells)}); repair the skin there",
-            cells,
-            group=side.group,
-        )
+        yield Place(f"{counted(len(pairs), one, many)} ({request.numbers(cells)})", cells)
 
 
 # ---- faces that cross

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.checks.findings import Place, rule
 from lacmesh.checks.request import PLACE, Bools, Request
 from lacmesh.cutting.records import is_cut
-from lacmesh.errors import some
+from lacmesh.errors import counted, some
 from lacmesh.mesh import Ints, concatenated, mask_of, places_of
+from lacmesh.quality.geometry import own_measures, validity, validity_among
+from lacmesh.quality.measures import POOR
 from lacmesh.reference.quadrature import signed_area
 from lacmesh.topology.facets import CROWDED, FACETS
 from lacmesh.topology.skin import lacking, mixed_bits
@@ -38,23 +41,20 @@ def repeated_numbers(request: Request) -> Iterator[Place]:
         odd = first[(count > 1) | (values < 0)]
         if len(odd):
             message = f"{counted(len(odd), f'{what} number is', f'{what} numbers are')} repeated or negative "
-            message += f"({some(numbers[odd])}); number the {what}s again"
-            yield Place(message, *((odd, None) if what == "cell" else (None, odd)))
+            yield Place(f"{message}({some(numbers[odd])})", *((odd, None) if what == "cell" else (None, odd)))
 
 
 @rule("not-finite", "error", "correct the coordinates")
 def not_finite(request: Request) -> Iterator[Place]:
     """A coordinate of a node of a cell is not finite; checks that need it are left out."""
     nodes = np.flatnonzero(request.once(_used) & ~request.finite)
-    text = "coordinates that are not finite, or huge (#); correct them"
-    yield from request.places(nodes, "node has|nodes have", text, on="node")
+    yield from request.places(nodes, "has|have", "coordinates that are not finite, or huge", noun="node")
 
 
-@rule("unreferenced-node", "info", "remove it if the solver gives it degrees of freedom")
+@rule("unreferenced-node", "info", "remove them if the solver gives them degrees of freedom")
 def unreferenced_nodes(request: Request) -> Iterator[Place]:
     """A node belongs to no cell."""
-    text = "to no cell (#); nothing to do unless the solver gives them dofs"
-    yield from request.places(np.flatnonzero(~request.once(_used)), "node belongs|nodes belong", text, on="node")
+    yield from request.places(np.flatnonzero(~request.once(_used)), "belongs|belong", "to no cell", noun="node")
 
 
 def _used(request: Request) -> Bools:
@@ -62,16 +62,11 @@ def _used(request: Request) -> Bools:
     return mask_of(request.mesh.n_nodes, *(block.nodes for block in request.mesh.blocks))
 
 
-@figures()
-def sizes(request: Request) -> dict[str, Any]:
-    """Return the numbers of nodes and cells."""
-    return {"nodes": request.mesh.n_nodes, "cells": request.mesh.n_cells}
-
-
 # ---- validity
 
 
-class _Validity(NamedTuple):
+@dataclass(frozen=True)
+class _Validity:
     """Cells by their validity, and the corner Jacobian (n_cells,) of each; cells of no other list are good."""
 
     repeated: Ints
@@ -85,12 +80,6 @@ class _Validity(NamedTuple):
 
 def _validity(request: Request) -> _Validity:
     """Examine the Jacobian determinants of all cells where solvers evaluate them."""
-    from lacmesh.quality.geometry import (
-        own_measures,
-        validity_among,  # not for those who ask how cells fit together alone
-    )
-    from lacmesh.quality.measures import POOR
-
     mesh = request.mesh
     value, quality = np.ones(mesh.n_cells), np.ones(mesh.n_cells)
     negative, repeated, known = (np.full(mesh.n_cells, k) for k in (False, False, True))
@@ -122,36 +111,31 @@ def _validity(request: Request) -> _Validity:
     )
 
 
-@rule("repeated-node", "error", "replace the cell by one of a simpler type")
+@rule("repeated-node", "error", "use cells of a simpler type")
 def repeated_nodes(request: Request) -> Iterator[Place]:
     """A cell lists a node twice."""
-    text = "a node twice (#); use a simpler type for them"
-    yield from request.places(request.once(_validity).repeated, "cell lists|cells list", text)
+    yield from request.places(request.once(_validity).repeated, "lists|list", "a node twice")
 
 
 @rule("invalid-cell", "error", "remesh there, or move the nodes")
-def invalid_cells(request: Request) -> Iterator[Place]:
+def invalid_cells(request: Request) -> Iterator[Place | dict[str, Any]]:
     """The Jacobian determinant is zero or negative at a corner, a mid-node or an integration point of the cell."""
-    cells = request.once(_validity).invalid
-    if len(cells):
-        message = (
-            f"the Jacobian determinant of {counted(len(cells), 'cell')} is not positive where solvers evaluate it "
-        )
-        yield Place(f"{message}({request.numbers(cells)}); remesh there, or move the nodes", cells)
+    validity = request.once(_validity)
+    text = "a Jacobian determinant that is not positive where solvers evaluate it"
+    yield from request.places(validity.invalid, "has|have", text)
+    yield {"invalid_cells": len(validity.invalid) + len(validity.inverted), "worst_quality": validity.worst}
 
 
-@rule("inverted-cell", "error", "reverse its node order")
+@rule("inverted-cell", "error", "reverse their node order")
 def inverted_cells(request: Request) -> Iterator[Place]:
     """A solid cell is inverted: its nodes are listed in reverse; code_aster accepts it, most solvers do not."""
-    text = "inverted (#); reverse their node order"
-    yield from request.places(request.once(_validity).inverted, "cell is|cells are", text)
+    yield from request.places(request.once(_validity).inverted, "is|are", "inverted")
 
 
-@rule("clockwise-cell", "warning", "reverse its node order if the solver refuses it")
+@rule("clockwise-cell", "warning", "reverse their node order if the solver refuses them")
 def clockwise_cells(request: Request) -> Iterator[Place]:
     """A plane cell is listed clockwise; some solvers refuse it, the cut accepts it."""
-    text = "listed clockwise (#); reverse their node order if the solver refuses them"
-    yield from request.places(request.once(_validity).clockwise, "plane cell is|plane cells are", text)
+    yield from request.places(request.once(_validity).clockwise, "is|are", "listed clockwise", noun="plane cell")
 
 
 @rule("poor-cell", "warning", "improve the mesh there, or try the other variant of the cut (--hexa)")
@@ -159,8 +143,6 @@ def poor_cells(request: Request) -> Iterator[Place]:
     """The corner Jacobian of the cell is below 0.1 (1: ideal), whatever its type: its stiffness is badly conditioned,
     its stresses are inaccurate.
     """
-    from lacmesh.quality.measures import POOR
-
     mesh, quality, cells = request.mesh, request.once(_validity).quality, request.once(_validity).poor
     if not len(cells):
         return
@@ -174,20 +156,11 @@ def poor_cells(request: Request) -> Iterator[Place]:
         other = ", or cut with --hexa auto" if families & {"HEXA", "PYRAM"} else ""
         advice = f"{len(children):,} of them come from subdivision; improve the mesh there{other}"
     message = counted(len(cells), "cell has", "cells have")
-    yield Place(f"{message} a corner Jacobian below {POOR}, worst first: {listed}; {advice}", worst)
-
-
-@figures()
-def validity_figures(request: Request) -> dict[str, Any]:
-    """Return the number of cells that are not valid, and the worst corner Jacobian."""
-    validity = request.once(_validity)
-    return {"invalid_cells": len(validity.invalid) + len(validity.inverted), "worst_quality": validity.worst}
+    yield Place(f"{message} a corner Jacobian below {POOR}, worst first: {listed}", worst, advice=advice)
 
 
 def _inversion(request: Request, cells: Ints) -> Ints:
     """(k,): 1 for cells inverted everywhere (clockwise in the plane), 0 for valid ones, _NEITHER for others."""
-    from lacmesh.quality import validity
-
     mesh = request.mesh
     out = np.full(len(cells), _NEITHER)
     order = np.argsort(cells, kind="stable")
@@ -210,21 +183,17 @@ def _inversion(request: Request, cells: Ints) -> Ints:
 # ---- how the cells fit together
 
 
-@rule("repeated-cell", "error", "remove one of them")
+@rule("repeated-cell", "error", "remove one of the two")
 def repeated_cells(request: Request) -> Iterator[Place]:
     """Two cells have the same corners."""
-    text = "the same corners as others (#); remove them"
-    yield from request.places(request.facets.copies, "cell has|cells have", text)
+    yield from request.places(request.facets.copies, "has|have", "the same corners as others")
 
 
 @rule("crowded-facet", "error", "remove the surplus cells")
 def crowded_facets(request: Request) -> Iterator[Place]:
     """More than two cells share a facet."""
     crowded = np.unique(np.flatnonzero(request.facets.opposite == CROWDED) // FACETS)
-    if len(crowded):
-        cells = request.facets.solid.cells[crowded]
-        message = f"more than two cells share a facet (cells {request.numbers(cells)}); remove the surplus cells"
-        yield Place(message, cells)
+    yield from request.places(request.facets.solid.cells[crowded], "shares|share", "a facet with two others or more")
 
 
 @rule("overlapping-cells", "error", "remesh there")
@@ -241,7 +210,7 @@ def overlapping_cells(request: Request) -> Iterator[Place]:
     cells = np.unique(solid.cells[np.concatenate([a[overlap], b[overlap]])])
     if len(cells):
         message = f"{counted(len(overlap), 'pair of cells lies', 'pairs of cells lie')} on the same side of the facet "
-        yield Place(f"{message}that they share ({request.numbers(cells)}); remesh there", cells)
+        yield Place(f"{message}that they share ({request.numbers(cells)})", cells)
 
 
 @rule("mid-nodes-differ", "error", "elevate the order of both alike, and share the mid-nodes")
@@ -273,7 +242,7 @@ def different_mid_nodes(request: Request) -> Iterator[Place]:
     cells = np.unique(solid.cells[np.concatenate([at, opposite[at]]) // FACETS])
     if len(cells):
         message = f"the cells on both sides of {counted(len(at), 'facet')} share corners but not mid-nodes "
-        yield Place(f"{message}({request.numbers(cells)}); elevate the order of both alike", cells)
+        yield Place(f"{message}({request.numbers(cells)})", cells)
 
 
 def edges_without_length(request: Request) -> Iterator[Place]:
@@ -289,8 +258,8 @@ def edges_without_length(request: Request) -> Iterator[Place]:
         nodes = np.unique(short)
         message = f"{len(nodes):,} nodes have the coordinates of another node of their cell "
         message += f"({request.node_numbers(nodes)}): "
-        message += f"{counted(len(np.unique(short, axis=0)), 'edge has', 'edges have')} no length; merge the nodes"
-        yield Place(message, nodes=nodes)
+        message += f"{counted(len(np.unique(short, axis=0)), 'edge has', 'edges have')} no length"
+        yield Place(message, nodes=nodes, advice="merge the nodes")
 
 
 #: rules of cells that fit together, which a solver examines before it starts, each with its severity for a solution

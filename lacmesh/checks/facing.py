@@ -6,16 +6,17 @@ All are computed by `lacmesh.smooth` and `lacmesh.surface`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
 
-from lacmesh.checks.dofs import cut_mesh, macros_of
-from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.checks.dofs import macros_of, records_of
+from lacmesh.checks.findings import Place, rule
 from lacmesh.checks.request import Bools, CheckedSkin, Request
-from lacmesh.errors import DataError
+from lacmesh.errors import DataError, counted
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import measure
 from lacmesh.smooth import surface_of
@@ -36,25 +37,17 @@ RATIO, HINT = 5.0, 1.5
 
 def _smooth_zones(request: Request, side: CheckedSkin) -> list[tuple[str, Any, Surface]]:
     """The name, the smooth surface and the surface of each group of a skin whose faces have normals."""
-    zones = []
-    mesh = request.once(cut_mesh)
+    zones, mesh = [], request.once(records_of).mesh
     for zone, name in enumerate(side.names):
         cells = side.cells[side.zone == zone]
         if len(cells):
-            try:
+            with suppress(DataError):  # faces without a normal: `facing-left-out` reports them
                 surface = Surface.of(mesh, cells)
-            except DataError:  # faces without a normal: `facing-left-out` reports them
-                continue
-            zones.append((name, smooth_of(mesh, surface, request.options["crease_angle"]), surface))
+                zones.append((name, smooth_of(mesh, surface, request.options["crease_angle"]), surface))
     return zones
 
 
-@rule(
-    "faceted",
-    "warning",
-    "refine the mesh there, put nodes on the line where two shapes touch, or use quadratic cells",
-    "skin",
-)
+@rule("faceted", "warning", "refine the mesh (16 faces to a full turn or more), or use quadratic cells", "skin")
 def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface meet at
     more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their curvature within few
@@ -68,37 +61,25 @@ def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
                 what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
             if coarse.doubt > DOUBTFUL:
                 what.append(f"their {doubt_in_words(coarse.doubt)}")
-            message = f"{side.counted(len(coarse.cells), 'is', 'are')} too coarse for a curved skin: they "
-            advice = "refine the mesh (16 faces to a full turn or more), or use quadratic cells"
-            yield Place(f"{message}{', and '.join(what)}; {advice}", coarse.cells, group=name)
+            message = f"{side.counted(len(coarse.cells), 'is|are')} too coarse for a curved skin: they "
+            yield Place(f"{message}{', and '.join(what)}", coarse.cells, group=name)
 
 
-@rule(
-    "few-faces",
-    "warning",
-    "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
-    "skin",
-)
-def few_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
+@rule("few-faces", "warning", "give --crease-angle 40 if the edges are sharp, as those of a nut")
+def few_faces(request: Request) -> Iterator[Place | dict[str, Any]]:
     """A circle, cylinder, sphere or cone of few faces, five to eight to a full turn: they turn by more than 40 degrees,
     and are taken as that shape since all nodes lie on it.
     """
-    for name, smooth, surface in request.once(_smooth_zones, side) if request.options["surface"] == "smooth" else ():
-        if message := few_in_words(smooth):
-            yield Place(f"{message}; give --crease-angle 40 if the edges are sharp", surface.cell, group=name)
-
-
-@figures()
-def shape_figures(request: Request) -> dict[str, Any]:
-    """Return the shapes of each curved group."""
     shapes: dict[str, Any] = {}
-    for side in request.sides:
-        for name, smooth, surface in request.once(_smooth_zones, side):
-            fitted = fitted_shapes(smooth, surface)
-            if not all(one.flat for one in fitted):
-                at = [one if one.centre is None else replace(one, centre=one.centre + request.origin) for one in fitted]
-                shapes[name] = [one.as_dict() for one in at]
-    return {"shapes": shapes}
+    for name, smooth, surface in (zone for side in request.sides for zone in request.once(_smooth_zones, side)):
+        message = few_in_words(smooth) if request.options["surface"] == "smooth" else ""
+        if message:
+            yield Place(message, surface.cell, group=name)
+        fitted = fitted_shapes(smooth, surface)
+        if not all(one.flat for one in fitted):
+            at = [one if one.centre is None else replace(one, centre=one.centre + request.origin) for one in fitted]
+            shapes[name] = [one.as_dict() for one in at]
+    yield {"shapes": shapes}
 
 
 # ---- slave against master
@@ -135,9 +116,9 @@ def _facing(request: Request) -> _Facing | str | None:
     if not (request.finite[slave.nodes].all() and request.finite[master.nodes].all()):
         return "some coordinates are not finite"
     options = dict(request.options)
-    smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
+    smooth, mesh = {name: options.pop(name) for name in ("surface", "crease_angle")}, request.once(records_of).mesh
     try:
-        a, b = (surface_of(request.once(cut_mesh), side.cells, **smooth) for side in request.sides)
+        a, b = (surface_of(mesh, side.cells, **smooth) for side in request.sides)
         macro = request.once(macros_of).of_face
         if options.get("search_distance") is None:
             options["search_distance"] = default_distance(a, b, macro)
@@ -167,28 +148,17 @@ def _bare_zones(request: Request, facing: _Facing) -> dict[str, Bools]:
     return {name: macros for name, macros in of_zone.items() if macros.any() and bare[macros].all()}
 
 
-@rule(
-    "no-coverage",
-    "error",
-    "check the groups, their positions and their orientation, or increase --search-distance",
-    "pair",
-)
+@rule("no-coverage", "error", "check the groups, and where they lie and face, or increase --search-distance", "pair")
 @_paired
 def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
     """No slave face of a zone finds a master face along its normal, within the search distance."""
     for name, macros in _bare_zones(request, facing).items():  # an error, whatever the other zones see
         message = f"no slave face of {name} finds a master face along its normal, up to "
-        message += f"{facing.options['search_distance']:.4g} away; check the groups, their positions and their "
-        message += "orientation, or increase --search-distance"
+        message += f"{facing.options['search_distance']:.4g} away"
         yield Place(message, request.slave.cells[macros[facing.macro]], group=name)
 
 
-@rule(
-    "partial-coverage",
-    "warning",
-    "nothing, if the slave is meant to extend beyond the master; pressures there are zero or act on a part",
-    "pair",
-)
+@rule("partial-coverage", "warning", "nothing to do if the slave is meant to extend beyond the master", "pair")
 @_paired
 def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
     """The master covers less than 95 % of a macro-element, or none of it."""
@@ -198,16 +168,11 @@ def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
     if (bare | partly).any():
         cells = request.slave.cells[(bare | partly)[facing.macro]]
         message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
-        message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)}); nothing to do if the slave "
-        yield Place(f"{message}is meant to extend beyond the master", cells, group=request.slave.group)
+        message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)})"
+        yield Place(message, cells)
 
 
-@rule(
-    "wrong-side",
-    "warning",
-    "orient the skins outward (lacmesh orient), and check which surfaces face each other",
-    "pair",
-)
+@rule("wrong-side", "warning", "orient the skins outward, and check which surfaces face each other", "pair")
 @_paired
 def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
     """Slave and master normals are not opposite where they face each other, or the master lies behind the slave."""
@@ -217,11 +182,9 @@ def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
         gained = over.ratio > covered.ratio + 0.5
         if gained.any():
             cells = request.slave.cells[gained[facing.macro]]
-            message = (
-                f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave faces "
-            )
-            message += f"{request.numbers(cells)}); flip it: lacmesh orient, or reverse the node order of its faces"
-            yield Place(message, cells, group=request.slave.group)
+            message = f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave "
+            advice = "flip it: lacmesh orient, or reverse the node order of its faces"
+            yield Place(f"{message}faces {request.numbers(cells)})", cells, advice=advice)
     if np.any(facing.lacking[0]):  # a master that lies deeper than overlapping bodies would may be out of range
         covered = facing.coverage(facing.master, max_penetration=facing.options["search_distance"])
     unseen = covered.ratio > facing.covered.ratio + 0.5
@@ -229,53 +192,38 @@ def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
     if deep.any():
         cells = request.slave.cells[deep[facing.macro]]
         message = f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for an overlap of two "
-        message += f"bodies (slave faces {request.numbers(cells)}); check that these are the surfaces in contact"
-        yield Place(message, cells, group=request.slave.group)
+        message += f"bodies (slave faces {request.numbers(cells)})"
+        advice = "check that these are the surfaces in contact"
+        yield Place(message, cells, advice=advice)
 
 
-@figures("pair")
+def _gap(facing: _Facing) -> tuple[dict[str, float], float] | None:
+    """The least, mean and largest gap, and the part of the slave's area that faces the master; None if not finite."""
+    points, covered = facing.points, facing.covered
+    total, area = float(covered.covered.sum()), float(covered.area.sum())
+    mean = float(covered.gap_integral.sum()) / total if total > 0 else 0.0
+    gap = {"min": float(points.gap.min()), "mean": mean, "max": float(points.gap.max())}
+    share = min(total / area, 1.0) if area > 0 else 0.0
+    return (gap, share) if np.isfinite([*gap.values(), share]).all() else None
+
+
+@rule("gap", "info", "nothing", "pair")
 @_paired
-def gap_figures(request: Request, facing: _Facing) -> dict[str, Any]:
-    """Return the gap and the coverage by the master."""
+def gaps(request: Request, facing: _Facing) -> Iterator[Place | dict[str, Any]]:
+    """The signed gap between slave and master: open > 0, penetration < 0."""
     if not len(facing.points):
-        return {"covered": 0.0}
-    gap, share = _gap(facing)
-    bare, partly = facing.lacking
-    return (
-        {
+        yield {"covered": 0.0}
+    elif known := _gap(facing):
+        (gap, share), (bare, partly) = known, facing.lacking
+        yield {
             "gap": gap,
             "covered": share,
             "covered_macro_elements": int((~bare & ~partly).sum()),
             "partly_covered_macro_elements": int(partly.sum()),
             "uncovered_macro_elements": int(bare.sum()),
         }
-        if _is_finite(gap, share)
-        else {}
-    )
-
-
-def _gap(facing: _Facing) -> tuple[dict[str, float], float]:
-    """The least, mean and largest gap, and the part of the slave's area that faces the master."""
-    points, covered = facing.points, facing.covered
-    total, area = float(covered.covered.sum()), float(covered.area.sum())
-    mean = float(covered.gap_integral.sum()) / total if total > 0 else 0.0
-    gap = {"min": float(points.gap.min()), "mean": mean, "max": float(points.gap.max())}
-    return gap, min(total / area, 1.0) if area > 0 else 0.0
-
-
-def _is_finite(gap: dict[str, float], share: float) -> bool:
-    return bool(np.isfinite([*gap.values(), share]).all())
-
-
-@rule("gap", "info", "nothing", "pair")
-@_paired
-def gaps(request: Request, facing: _Facing) -> Iterator[Place]:
-    """The signed gap between slave and master: open > 0, penetration < 0."""
-    if len(facing.points):
-        gap, share = _gap(facing)
-        if _is_finite(gap, share):
-            message = f"gap from {gap['min']:.6g} to {gap['max']:.6g}, mean {gap['mean']:.6g} (open > 0); "
-            yield Place(f"{message}{100 * share:.4g} % of the slave faces the master", group=request.slave.group)
+        message = f"gap from {gap['min']:.6g} to {gap['max']:.6g}, mean {gap['mean']:.6g} (open > 0); "
+        yield Place(f"{message}{100 * share:.4g} % of the slave faces the master")
 
 
 @rule("size-ratio", "warning", "refine the coarser side, which limits the resolution of the pressure", "pair")
@@ -284,8 +232,8 @@ def size_ratios(request: Request, facing: _Facing) -> Iterator[Place]:
     """The faces of slave and master differ much in size."""
     ratio = _size_ratio(facing)
     if not 1 / RATIO <= ratio <= RATIO:
-        message = f"{_MEET.format(ratio)}; refine the {'slave' if ratio > 1 else 'master'}"
-        yield Place(message, group=request.slave.group)
+        advice = f"refine the {'slave' if ratio > 1 else 'master'}"
+        yield Place(_MEET.format(ratio), advice=advice)
 
 
 @rule("better-slave", "info", "exchange slave and master, if the slave is not the softer body", "pair")
@@ -295,7 +243,7 @@ def better_slaves(request: Request, facing: _Facing) -> Iterator[Place]:
     ratio, is_rigid = _size_ratio(facing), np.isnan(facing.master.depth).all()  # a rigid side is the stiffer one
     if ratio > HINT and not is_rigid:
         message = f"a hint: {_MEET.format(ratio)}, and by a rule of thumb the master is the coarser and stiffer side; "
-        yield Place(f"{message}consider exchanging them", group=request.slave.group)
+        yield Place(f"{message}consider exchanging them")
 
 
 _MEET = "where they meet, slave macro-elements are {:.3g} times as large as master faces"
@@ -304,7 +252,7 @@ _MEET = "where they meet, slave macro-elements are {:.3g} times as large as mast
 def _size_ratio(facing: _Facing) -> float:
     """The ratio of the sizes of macro-elements and master faces, where they face each other; 1 if it is not known."""
     points = facing.points
-    if not len(points) or not _is_finite(*_gap(facing)):
+    if not len(points) or not _gap(facing):
         return 1.0
     slave = _macro_sizes(facing)[points.macro]
     master = _size(_measures(facing.master), facing.master.dim)[points.master]
@@ -320,10 +268,10 @@ def facing_left_out(request: Request) -> Iterator[Place]:
     """Gap and coverage cannot be computed: segments that are not in one plane, or coordinates not finite."""
     facing = request.once(_facing)
     why = facing if isinstance(facing, str) else ""
-    if isinstance(facing, _Facing) and len(facing.points) and not _is_finite(*_gap(facing)):
+    if isinstance(facing, _Facing) and len(facing.points) and not _gap(facing):
         why = "lengths are too large or too small to be multiplied"
     if why:
-        yield Place(f"gap and coverage were not computed: {why}", group=request.slave.group)
+        yield Place(f"gap and coverage were not computed: {why}", advice="")
 
 
 def _macro_sizes(facing: _Facing) -> Floats:

@@ -1,4 +1,4 @@
-"""The request of a check: the mesh, its slave and master skins, the macro-elements, the constrained nodes."""
+"""The request of a check: the mesh, its slave and master skins, the constrained nodes; pairs of groups."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.checks.findings import Finding, Place, Where, counted, severity_of
+from lacmesh.checks.findings import RULES, Finding, Place, Where
 from lacmesh.cutting.select import nodes_of_group, skin_faces
-from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
+from lacmesh.errors import RequestError, counted, did_you_mean, some
 from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.bodies import body_names, label_bodies
 from lacmesh.topology.facets import Facets
@@ -52,13 +52,10 @@ class CheckedSkin:
         """The names of the groups, for the place of a finding."""
         return ", ".join(self.names)
 
-    def subject(self, one: str, many: str) -> str:
-        """Return its faces with a verb, for `Request.places`: `slave face turns|slave faces turn`."""
-        return f"{self.what} face {one}|{self.what} faces {many}"
-
-    def counted(self, n: int, one: str, many: str) -> str:
-        """Format a number of its faces and a verb for a sentence: `2 slave faces turn`."""
-        return counted(n, *self.subject(one, many).split("|"))
+    def counted(self, n: int, verb: str) -> str:
+        """Format a number of its faces and a verb, for one and for several faces: `2 slave faces turn`."""
+        one, _, many = verb.partition("|")
+        return counted(n, f"{self.what} face {one}", f"{self.what} faces {many or one}")
 
     @cached_property
     def nodes(self) -> Ints:
@@ -80,20 +77,21 @@ class Request:
     master: CheckedSkin | None
     fixed: Ints
     dirichlet: tuple[str, ...]
-    options: dict[str, Any] = field(default_factory=dict)
-    origin: NDArray[np.floating] = field(default_factory=lambda: np.zeros(3))
+    options: dict[str, Any]
+    origin: NDArray[np.floating]
     recognise: bool | None = None
+    _results: dict[tuple[Any, ...], Any] = field(default_factory=dict, init=False)
 
     @classmethod
     def of(
         cls,
         mesh: Mesh,
-        slave: tuple[str, ...],
-        master: tuple[str, ...],
-        dirichlet: tuple[str, ...],
-        options: dict[str, Any],
         origin: NDArray[np.floating],
+        slave: tuple[str, ...] = (),
+        master: tuple[str, ...] = (),
+        dirichlet: tuple[str, ...] = (),
         recognise: bool | None = None,
+        **options: Any,
     ) -> Request:
         """Return a request. Raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
         groups = {"slave": slave, "master": master} if master else {"slave": slave}
@@ -114,10 +112,6 @@ class Request:
     def sides(self) -> tuple[CheckedSkin, ...]:
         """The skins."""
         return (self.slave,) if self.master is None else (self.slave, self.master)
-
-    @cached_property
-    def _results(self) -> dict[tuple[Any, ...], Any]:
-        return {}
 
     def once(self, compute: Callable[..., T], *arguments: Any) -> T:
         """Return compute(request, *arguments), which several rules use and the first one computes."""
@@ -148,11 +142,15 @@ class Request:
         """(n_nodes,): the body of each node, -1 for nodes of no cell."""
         return label_bodies([self.facets.solid.corners], self.mesh.n_nodes)
 
+    @property
+    def n_bodies(self) -> int:
+        """The number of bodies."""
+        return int(self.bodies.max(initial=-1)) + 1
+
     @cached_property
     def body_names(self) -> list[str]:
         """The name of each body, for a sentence."""
-        there = replace(self.mesh, points=self.mesh.points + self.origin)
-        return body_names(there, self.bodies, int(self.bodies.max(initial=-1)) + 1)
+        return body_names(replace(self.mesh, points=self.mesh.points + self.origin), self.bodies, self.n_bodies)
 
     def n_parents(self, side: CheckedSkin) -> Ints:
         """(f,): the number of parent cells of each face of a side."""
@@ -167,31 +165,42 @@ class Request:
         return some(self.mesh.node_number[nodes], SHOWN)
 
     def places(
-        self, cells: Ints, subject: str, text: str, *, on: str = "cell", skin: CheckedSkin | None = None
+        self, cells: Ints, verb: str, text: str, skin: CheckedSkin | None = None, *, noun: str = "", advice: str = ""
     ) -> Iterator[Place]:
-        """Yield the place of some cells, or nodes (`on`), of the groups of a skin; nothing if there are none.
+        """Yield the place of some cells, or of nodes if the `noun` is `node ...`; nothing if there are none.
 
-        The sentence: their count, `subject` for one and, after `|`, for several, and `text`, `#` in which stands for
-        their numbers in the file.
+        The sentence: `3 slave faces have no parent cell (7, 8, 9)`, with the numbers in the file. `verb`: for one and,
+        after `|`, for several, e.g. `has|have`. `noun`: by default a cell, or a face of the skin.
         """
         if len(cells):
-            numbers = self.numbers(cells) if on == "cell" else self.node_numbers(cells)
-            message = f"{counted(len(cells), *subject.split('|'))} {text.replace('#', numbers, 1)}"
-            group = None if skin is None else skin.group  # a skin without faces is false
-            yield Place(message, group=group, **{f"{on}s": cells})
+            of_nodes, (one, _, many) = noun.startswith("node"), verb.partition("|")
+            noun = noun or (f"{skin.what} face" if skin is not None else "cell")
+            first, _, rest = noun.partition(" of ")  # `node of the skin`, `nodes of the skin`
+            plural = f"{first}s of {rest}" if rest else f"{noun}s"
+            numbers = self.node_numbers(cells) if of_nodes else self.numbers(cells)
+            message = f"{counted(len(cells), f'{noun} {one}', f'{plural} {many}')} {text} ({numbers})"
+            place = Place(message, group=None if skin is None else skin.group, advice=advice or None)
+            yield place._replace(nodes=cells) if of_nodes else place._replace(cells=cells)
 
-    def finding(self, rule: str, place: Place) -> Finding:
-        """Return the finding of a rule about a place, with the numbers of the file."""
+    def finding(self, rule: str, place: Place, group: str | None = None, *, severity: str = "") -> Finding:
+        """Return the finding of a rule about a place, with the numbers of the file.
+
+        `group`: that of a place that names none; `severity`: in place of the rule's.
+        """
+        severity = severity or RULES[rule].severity
+        advice = RULES[rule].advice if place.advice is None else place.advice
         cells, nodes = (np.asarray([] if k is None else k, np.int64) for k in (place.cells, place.nodes))
         in_box = nodes if len(nodes) else concatenated(n.ravel() for _, _, n in self.mesh.select(cells))
         x = self.mesh.points[in_box[self.finite[in_box]]] + self.origin
         return Finding(
             rule,
-            severity_of(rule),
+            severity,
             tuple(self.mesh.cell_number[cells].tolist()),
             tuple(self.mesh.node_number[nodes].tolist()),
-            Where(place.group, (tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())) if len(x) else None),
-            place.message,
+            Where(
+                place.group or group, (tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())) if len(x) else None
+            ),
+            place.message if severity == "info" or not advice else f"{place.message}; {advice}",
         )
 
 
@@ -218,22 +227,23 @@ def _split(mesh: Mesh, text: str) -> tuple[str, str]:
     pairs = [(slave, master) for slave, master in sides if _is_group(mesh, slave) and _is_group(mesh, master)]
     if len(pairs) == 1:
         return pairs[0]
+    missing = [name for name in sides[0] if not _is_group(mesh, name)] if len(sides) == 1 else []
     if pairs:
         readings = " or ".join(f"slave {slave!r} with master {master!r}" for slave, master in pairs)
-        raise RequestError(f"--pair {quote(text)} is {readings}; name one of the groups by its tag, or rename it")
-    if not sides:
-        raise RequestError(f"--pair {quote(text)} has no colon; write it as SLAVE:MASTER")
-    missing = [name for name in sides[0] if not _is_group(mesh, name)] if len(sides) == 1 else []
-    if not missing:
-        raise RequestError(f"--pair {quote(text)} is no SLAVE:MASTER: no colon in it has a group on both sides")
-    hint = did_you_mean(missing[0], [*mesh.cell_groups])
-    raise RequestError(f"--pair {quote(text)}: no cell group named {missing[0]!r}{hint}")
+        reason = f" is {readings}; name one of the groups by its tag, or rename it"
+    elif not sides:
+        reason = " has no colon; write it as SLAVE:MASTER"
+    elif missing:
+        reason = f": no cell group named {missing[0]!r}{did_you_mean(missing[0], [*mesh.cell_groups])}"
+    else:
+        reason = " is no SLAVE:MASTER: no colon in it has a group on both sides"
+    raise RequestError(f"--pair {quote(text)}{reason}")
 
 
 def _is_group(mesh: Mesh, name: str) -> bool:
     try:
         return bool(name) and len(mesh.cells_of(name)) >= 0
-    except (GroupNotFoundError, RequestError):
+    except RequestError:
         return False
 
 

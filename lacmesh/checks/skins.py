@@ -8,9 +8,10 @@ from shlex import quote
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.findings import Place, also, counted, rule
+from lacmesh.checks.findings import Place, rule
 from lacmesh.checks.request import Bools, CheckedSkin, Request, is_carried
-from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.errors import counted
+from lacmesh.mesh import Floats, Ints, concatenated, mask_of
 from lacmesh.topology.orientation import analyse_orientation, face_normals
 from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, cells_of_dim, edge_uses, find_owners, find_repeats
 
@@ -21,37 +22,40 @@ _NONE = np.empty(0, np.int64)
 # ---- the groups
 
 
+def _by_dim(request: Request, side: CheckedSkin) -> Iterator[tuple[str, Ints, Ints, Ints]]:
+    """Yield each group's name, all its cells, and those above and below the dimension of the skin."""
+    for name, cells in zip(side.names, side.groups, strict=True):
+        dims = request.mesh.cell_dim[cells]
+        yield name, cells, cells[dims > request.dim], cells[dims < request.dim]
+
+
 @rule("empty-skin", "error", "name the group of the skin", "group")
 def empty_skin(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master group has no skin faces."""
-    for name, cells in zip(side.names, side.groups, strict=True):
-        dims = request.mesh.cell_dim[cells]
-        if (dims < request.dim).all():
+    for name, cells, _, lower in _by_dim(request, side):
+        if len(lower) == len(cells):
             message = f"the {side.what} group {name!r} has no skin faces (cells of dimension {request.dim})"
-            yield Place(f"{message}; name another", cells, group=name)
+            yield Place(message, cells, group=name)
 
 
 @rule("wrong-dimension", "error", "name the group of the skin, one dimension lower", "group")
 def wrong_dimension(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master group has cells of the dimension of the body."""
-    for name, cells in zip(side.names, side.groups, strict=True):
-        dims = request.mesh.cell_dim[cells]
-        higher = cells[dims > request.dim]
+    for name, _, higher, _ in _by_dim(request, side):
         if len(higher):
             message = f"the {side.what} group {name!r} has {counted(len(higher), 'cell')} of dimension "
-            message += f"{int(dims.max())} ({request.numbers(higher)}); name the group of its skin, "
-            yield Place(f"{message}of dimension {request.dim}", higher, group=name)
+            message += f"{int(request.mesh.cell_dim[higher].max())} ({request.numbers(higher)})"
+            advice = f"name the group of its skin, of dimension {request.dim}"
+            yield Place(message, higher, group=name, advice=advice)
 
 
 @rule("lower-dimension", "warning", "remove them", "group")
 def lower_dimension(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master group also has lines or points, which are ignored."""
-    for name, cells in zip(side.names, side.groups, strict=True):
-        dims = request.mesh.cell_dim[cells]
-        lower = cells[dims < request.dim]
-        if len(lower) and (dims == request.dim).any() and not (dims > request.dim).any():
+    for name, cells, higher, lower in _by_dim(request, side):
+        if len(lower) and len(lower) < len(cells) and not len(higher):
             message = f"the {side.what} group {name!r} also has {counted(len(lower), 'cell')} of lower dimension "
-            yield Place(f"{message}({request.numbers(lower)}); remove them", lower, group=name)
+            yield Place(f"{message}({request.numbers(lower)})", lower, group=name)
 
 
 @rule("unsupported-face", "error", "mesh with linear or quadratic cells", "group")
@@ -59,18 +63,15 @@ def unsupported_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master face, or the cell behind a slave face, is of order 3 or higher."""
     for name, cells in zip(side.names, side.groups, strict=True):
         faces = cells[request.mesh.cell_dim[cells] == request.dim]
-        odd = [c for kind, c, _ in request.mesh.select(faces) if is_carried(kind)]
-        if odd:
-            faces = np.concatenate(odd)
-            message = f"{side.counted(len(faces), 'is', 'are')} of order 3 or higher ({request.numbers(faces)})"
-            yield Place(f"{message}; mesh with linear or quadratic cells", faces, group=name)
+        odd = concatenated(c for kind, c, _ in request.mesh.select(faces) if is_carried(kind))
+        for place in request.places(odd, "is|are", "of order 3 or higher", side):
+            yield place._replace(group=name)
 
 
 @rule("repeated-face", "error", "remove the copy", "group")
 def repeated_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """The slave or the master groups have a face twice, as two cells on the same nodes."""
-    text = "twice: cells # have the nodes of others in the groups; remove the copies"
-    yield from request.places(side.copies, side.subject("occurs", "occur"), text, skin=side)
+    yield from request.places(side.copies, "occurs|occur", "twice, as cells on the nodes of others", side)
 
 
 @rule("duplicate", "info", "nothing", "slave")
@@ -79,16 +80,16 @@ def duplicates(request: Request) -> Iterator[Place]:
     side = request.slave
     repeats = find_repeats(side.faces, list(cells_of_dim(request.mesh, request.dim)), request.mesh.n_nodes)
     others = np.setdiff1d(repeats.cell, np.concatenate(side.groups))
-    subject = "skin cell of another group lies|skin cells of other groups lie"
-    yield from request.places(others, subject, "on slave faces (#); both are cut", skin=side)
+    text = "in other groups and on slave faces: both are cut"
+    yield from request.places(others, "is|are", text, side, noun="skin cell")
 
 
 @rule("face-in-two-zones", "info", "nothing, or separate the groups")
 def faces_in_two_zones(request: Request) -> Iterator[Place]:
     """A face is in two slave groups; it belongs to the zone of the first."""
     cells, count = np.unique(np.concatenate(request.slave.groups), return_counts=True)
-    text = "in several slave groups (#); they belong to the zone of the first"
-    yield from request.places(cells[count > 1], "cell is|cells are", text, skin=request.slave)
+    text = "in several slave groups and belong to the zone of the first"
+    yield from request.places(cells[count > 1], "is|are", text, request.slave, noun="cell")
 
 
 # ---- the parent cells, and the way that the faces point
@@ -113,55 +114,46 @@ def _is_cut_alone(request: Request, side: CheckedSkin) -> bool:
     return side.what == "slave" and request.mesh.dim == 2 and macro is not None and bool((macro[cells] >= 0).all())
 
 
-@rule("no-parent", "error", "remove the face from the group, or mesh the body; --skin-only cuts a shell", "slave")
+@rule("no-parent", "error", "remove them from the group, or mesh the body; --skin-only cuts a shell", "slave")
 def no_parent(request: Request) -> Iterator[Place]:
     """A slave face has no parent cell."""
     side = request.slave
     cells = request.once(_parentless, side)[0]
     if not _is_cut_alone(request, side):
-        text = "no parent cell (#); remove them from the group, or mesh the body (--skin-only cuts a shell)"
-        yield from request.places(cells, side.subject("has", "have"), text, skin=side)
+        yield from request.places(cells, "has|have", "no parent cell", side)
 
 
 @rule("bare-master", "info", "nothing, if the master is rigid", "skin")
 def bare_master(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """Master faces have no parent cells: a rigid master."""
     if side.what == "master":
-        text = "no parent cell: the master, or that part of it, is rigid"
-        yield from request.places(request.once(_parentless, side)[0], side.subject("has", "have"), text, skin=side)
+        cells = request.once(_parentless, side)[0]
+        yield from request.places(cells, "has|have", "no parent cell: the master, or that part of it, is rigid", side)
 
 
-@also("unsupported-face", "skin")
+@rule("unsupported-face", scope="skin")
 def on_unsupported_cells(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A face is one of a cell of order 3 or higher."""
     cells = request.once(_parentless, side)[1]
     if not _is_cut_alone(request, side):
-        text = "on cells of order 3 or higher (#); mesh with linear or quadratic cells"
-        yield from request.places(cells, side.subject("lies", "lie"), text, skin=side)
+        yield from request.places(cells, "lies|lie", "on cells of order 3 or higher", side)
 
 
-@rule(
-    "interface",
-    "warning",
-    "separate the bodies (double the nodes: lacmesh split), or remove the face from the group",
-    "skin",
-)
+@rule("interface", "warning", "double the nodes (lacmesh split), or remove the faces from the group", "skin")
 def interfaces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master face lies between two cells, inside the body, where no gap can open."""
     cells = side.cells[request.n_parents(side) == 2]
     if not _is_cut_alone(request, side):
-        text = "between two cells (#), where no gap can open; double the nodes, or remove them from the group"
-        yield from request.places(cells, side.subject("lies", "lie"), text, skin=side)
+        yield from request.places(cells, "lies|lie", "between two cells, where no gap can open", side)
 
 
-@also("mid-nodes-differ", "skin")
+@rule("mid-nodes-differ", scope="skin")
 def mid_nodes_of_parents(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A face has the corners of a facet of its parent cell, but not its mid-nodes."""
     parents = request.parents[side.what]
     cells = side.cells[np.unique(parents.face[~parents.same])]
     if not _is_cut_alone(request, side):
-        text = "not have the mid-nodes of their parent cells (#); elevate the order of both alike"
-        yield from request.places(cells, side.subject("does", "do"), text, skin=side)
+        yield from request.places(cells, "does|do", "not have the mid-nodes of their parent cells", side)
 
 
 @rule("orientation", "warning", "lacmesh orient, or cut with --orient outward", "skin")
@@ -172,12 +164,10 @@ def orientation(request: Request, side: CheckedSkin) -> Iterator[Place]:
     inward = np.setdiff1d(analysis.to_flip, analysis.parentless)
     advice = f"flip them: lacmesh orient {' '.join(f'--group {name}' for name in side.names)}"
     if len(inward):
-        message = f"{len(inward):,} of {side.counted(len(side), 'points', 'point')} inward ({request.numbers(inward)})"
-        yield Place(f"{message}; {advice}", inward, group=side.group)
-    if len(against):
-        subject = f"{side.what} face without parent cell points|{side.what} faces without parent cells point"
-        text = f"opposite to their neighbours, or inward (#); {advice}"
-        yield from request.places(against, subject, text, skin=side)
+        message = f"{len(inward):,} of {side.counted(len(side), 'points|point')} inward ({request.numbers(inward)})"
+        yield Place(message, inward, advice=advice)
+    noun, text = f"{side.what} face without parent cell", "opposite to their neighbours, or inward"
+    yield from request.places(against, "points|point", text, side, noun=noun, advice=advice)
 
 
 @rule("non-manifold", "error", "remove the branching faces from the group", "skin")
@@ -188,24 +178,17 @@ def branches(request: Request, side: CheckedSkin) -> Iterator[Place]:
     cells = side.cells[np.unique(uses.face[count[uses.edge] > 2])]
     if len(cells):
         message = f"three or more {side.what} faces meet at {counted(int((count > 2).sum()), 'edge')} (cells "
-        yield Place(
-            f"{message}{request.numbers(cells)}); remove the branching faces from the group", cells, group=side.group
-        )
+        yield Place(f"{message}{request.numbers(cells)})", cells)
 
 
-@rule(
-    "mixed-order",
-    "warning",
-    "elevate the order of the linear part (lacmesh convert --order), or make two zones",
-    "skin",
-)
+@rule("mixed-order", "warning", "elevate the order of the linear part, or make two zones", "skin")
 def mixed_orders(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A skin has linear and quadratic faces."""
     order = _ORDER[side.faces.type]
     if order.min() < order.max():
         few = side.cells[order == (1 if 2 * (order == 1).sum() <= len(order) else 2)]
         message = f"the {side.what} skin has linear and quadratic faces (fewer of one: {request.numbers(few)})"
-        yield Place(f"{message}; elevate the order of the linear part, or make two zones", few, group=side.group)
+        yield Place(message, few)
 
 
 # ---- nodes that two skins share
@@ -216,35 +199,26 @@ def crack_front(request: Request) -> Iterator[Place]:
     """Slave and master share nodes where they lie on each other, at the front of a crack, which stays closed."""
     front = request.once(_front)
     if len(front):
-        message = (
-            f"slave and master are the two sides of a crack, and share {counted(len(front), 'node')} of its front "
-        )
-        yield Place(f"{message}({request.node_numbers(front)}), which stay closed", nodes=front, group=_both(request))
+        message = f"slave and master are the two sides of a crack, and share {counted(len(front), 'node')} of its "
+        message += f"front ({request.node_numbers(front)}), which stay closed"
+        yield Place(message, nodes=front, group=_both(request))
 
 
-@rule(
-    "shared-nodes",
-    "error",
-    "double the nodes (lacmesh split), or remove the faces that touch from one group",
-    "pair",
-)
+@rule("shared-nodes", "error", "double the nodes (lacmesh split), or remove faces from one of the groups", "pair")
 def shared_nodes(request: Request) -> Iterator[Place]:
     """Slave and master share nodes, where no gap can open."""
     slave = request.slave
     common = np.setdiff1d(_common(request), request.once(_front))
     inside = _closed(request) & (request.n_parents(slave) == 2) if len(common) else np.zeros(0, bool)
     if inside.any():
-        message = (
-            f"bodies share {slave.counted(int(inside.sum()), 'with the master', 'with the master')}, where no gap "
-        )
+        message = f"bodies share {slave.counted(int(inside.sum()), 'with the master')}, where no gap can open"
         divide = " ".join(f"--faces {quote(name)}" for name in slave.names)
-        message += f"can open; divide the mesh there: lacmesh split MESH {divide}"
         sides = " and ".join(", ".join(f"{name}_{side}" for name in slave.names) for side in "ab")
-        yield Place(f"{message}, and take {sides} as slave and master", nodes=common, group=_both(request))
+        advice = f"divide the mesh there: lacmesh split MESH {divide}, and take {sides} as slave and master"
+        yield Place(message, nodes=common, group=_both(request), advice=advice)
     elif len(common):
         message = f"slave and master share {counted(len(common), 'node')} ({request.node_numbers(common)}), where no "
-        message += "gap can open; double the nodes, or remove the faces that touch from one of the groups"
-        yield Place(message, nodes=common, group=_both(request))
+        yield Place(f"{message}gap can open", nodes=common, group=_both(request))
 
 
 @rule("zones-share-nodes", "warning", "keep a row of faces between the zones, or make them one")
@@ -256,8 +230,8 @@ def zones_share_nodes(request: Request) -> Iterator[Place]:
     nodes, count = np.unique(pairs[:, 0], return_counts=True)
     shared = nodes[count > 1]
     if len(shared):
-        message = f"slave zones share {counted(len(shared), 'node')} ({request.node_numbers(shared)}); keep a row of "
-        yield Place(f"{message}faces between them, or make one zone", nodes=shared, group=side.group)
+        message = f"slave zones share {counted(len(shared), 'node')} ({request.node_numbers(shared)})"
+        yield Place(message, nodes=shared, group=side.group)
 
 
 def is_glued(request: Request) -> bool:

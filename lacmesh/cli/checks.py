@@ -13,8 +13,8 @@ from typer import Option
 import lacmesh
 from lacmesh.cli.options import AsJson, Facing, Force, MeshFile, MeshName, Recognition, Skins
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
-from lacmesh.errors import DataError, LacmeshWarning
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import DataError, LacmeshWarning, counted
 
 _STYLE = {"error": "bold red", "warning": "yellow", "info": "dim"}
 _STATISTICS = ("+min", "+1 %", "+5 %", "+median", "+95 %", "+99 %", "+max", "+mean")
@@ -125,38 +125,27 @@ def quality(
     $ lacmesh quality part.lac.msh
     $ lacmesh quality part.med --group slave --measures all --plot quality.png
     """
-    from lacmesh.formats.output import readable
-
     if plot:
         lacmesh.report.check_plot(Path(plot), force=force)
     stage = Stages(run)
     with stage("read"):
         mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("measure"):
-        names = (
-            measures if measures in (None, "all") else [name.strip() for name in measures.split(",") if name.strip()]
-        )
+        names: Any = measures
+        if measures not in (None, "all"):
+            names = [name.strip() for name in measures.split(",") if name.strip()]
         qualities = lacmesh.measure_quality(mesh, group, names)
-        children = None if group else _children(mesh)
+        cut = None if group else lacmesh.cutting.records.cut_of(mesh)
+        children = cut and lacmesh.report.children_quality(cut)
     if plot:
         with stage("draw"):
-            name = readable(Path(source).name + (f", group {group}" if group else ""))
+            name = lacmesh.formats.output.readable(Path(source).name + (f", group {group}" if group else ""))
             lacmesh.report.plot_quality(qualities, plot, title=f"Quality of {name}", force=force)
     if json:
         print_json({"file": source, **qualities.as_json(), "cut": children and children.as_json()})
     elif not run.quiet:
         _print_quality(f"{source}, group {group}" if group else source, qualities, children)
         print(f"{plot}: {stage.spent()}" if plot else stage.spent())
-
-
-def _children(mesh: lacmesh.Mesh) -> Any:
-    """Quality of the children of a mesh that carries a cut, against their parents; None without a cut."""
-    from lacmesh.cutting.records import is_cut
-
-    try:
-        return lacmesh.report.children_quality(lacmesh.Cut(mesh)) if is_cut(mesh) else None
-    except lacmesh.errors.CutError:  # records that mean something else
-        return None
 
 
 def _print_quality(where: str, quality: lacmesh.Quality, children: Any | None) -> None:
@@ -172,12 +161,7 @@ def _print_quality(where: str, quality: lacmesh.Quality, children: Any | None) -
         print_table(columns, _groups(quality))
     if children is not None:
         print(f"cut: {children.children:,} children, {children.invalid:,} invalid")
-        print_table(("corner_jacobian", *_STATISTICS), [("of the children", *_values(children.child))])
-
-
-def _values(s: Any) -> list[str]:
-    """Least, percentiles, largest and mean of a measure."""
-    return [lacmesh.report.number(value) for value in (s.least, *s.percentiles, s.largest, s.mean)]
+        print_table(("corner_jacobian", *_STATISTICS), [("of the children", *lacmesh.report.values(children.child))])
 
 
 def _print_type(cells: Any) -> None:
@@ -192,7 +176,7 @@ def _print_type(cells: Any) -> None:
     rows: list[tuple[str, ...]] = []
     for name, s in cells.measures.items():
         limits = " to ".join(map(lacmesh.report.number, accepted.get(name) or ()))
-        rows.append((name, *_values(s), limits, "" if s.outside is None else f"{s.outside:,}"))
+        rows.append((name, *lacmesh.report.values(s), limits, "" if s.outside is None else f"{s.outside:,}"))
     print_table(("measure", *_STATISTICS, "accepted", "+outside"), rows)
     if not cells.invalid and rank == "validity":  # lines are all alike as long as they are valid
         return

@@ -15,8 +15,8 @@ import lacmesh
 from lacmesh.cli.checks import warn_of
 from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, MeshOutput, Recognition, Skins, Target, output
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_table
-from lacmesh.errors import DataError, LacmeshWarning, RequestError
+from lacmesh.cli.terminal import Stages, print_table
+from lacmesh.errors import DataError, LacmeshWarning, RequestError, counted
 
 
 @dataclass
@@ -70,23 +70,36 @@ def cut(
     skins.check()
     choice = recognition.choice()
     place = out.target(run, source, target, "lac")
-    _check_report(report, place, force=out.force)
+    if report:
+        if Path(report) == place:
+            raise RequestError(f"{place} cannot be both the mesh and the report; name another file")
+        lacmesh.report.check_report(Path(report), force=out.force)
     stage = Stages(run)
     with stage("read"):
         mesh = lacmesh.read(source, mesh=mesh_name)
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
-        _check_program(program, mesh, skins.slave, choice, how)
+        if program:  # can it take the cells that the cut makes?
+            options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
+            from lacmesh.exchange.targets import check_target_cells
+
+            check_target_cells(mesh, skins.slave or [], program, recognise=choice, **options)
         rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
         result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
-        cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
+        if min_quality is not None:
+            lacmesh.report.refuse_poor(None if result.origin is None else mesh, result, min_quality)
     findings = page = None
     if skins.master:
         with stage("check"):
-            findings = _check(result, **sides, **vars(facing))
-    if report and cells is not None:
+            findings = lacmesh.check(result, **sides, **vars(facing))
+        if findings.errors:
+            first, more = findings.errors[0], len(findings.errors) - 1
+            others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
+            raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
+        warn_of(findings)
+    if report and result.origin is not None:
         with stage("report"):
-            page = lacmesh.report.cut_report(mesh, result, findings=findings, cells=cells)
+            page = lacmesh.report.cut_report(mesh, result, findings=findings)
     with stage("write"), _report_beside(report, page, source):
         out.write(place, result.mesh, source, program)
     if not run.quiet:
@@ -97,61 +110,19 @@ def cut(
             print(f"report: {report}")
 
 
-def _check_report(report: str | None, target: Path, *, force: bool) -> None:
-    """Check early that a report can be written. Raises RequestError, WriteError."""
-    if report:
-        if Path(report) == target:
-            raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
-        lacmesh.report.check_report(Path(report), force=force)
-
-
-def _check_program(
-    program: str | None, mesh: lacmesh.Mesh, slave: Any, recognise: bool | None, how: CutOptions
-) -> None:
-    """Raise CutError if the program that a cut is for cannot take its cells."""
-    if program:
-        from lacmesh.exchange.targets import check_target_cells
-
-        options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
-        check_target_cells(mesh, slave, program, recognise=recognise, **options)
-
-
-def _touched(before: lacmesh.Mesh, cut: lacmesh.Cut, least: float | None) -> Any:
-    """Return the cells that a cut touched, None if it is an older one. Raises CutError for quality below `least`."""
-    if cut.origin is None and least is not None:
-        lacmesh.report.refuse_poor_children(cut, least)
-    if cut.origin is None:
-        return None
-    cells = lacmesh.report.touched(before, cut)
-    if least is not None:
-        lacmesh.report.refuse_poor(before, cut, least, cells)
-    return cells
-
-
-def _check(cut: lacmesh.Cut, **options: Any) -> lacmesh.Findings:
-    """Check the cut against its master: raise DataError for an error, warn of other findings, and return them all."""
-    findings = lacmesh.check(cut, **options)
-    if findings.errors:
-        first, more = findings.errors[0], len(findings.errors) - 1
-        others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
-        raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
-    warn_of(findings)
-    return findings
-
-
 @contextmanager
 def _report_beside(path: str | None, report: Any, source: str) -> Iterator[None]:
     """Write the report, if there is one; it takes its place only after the block has succeeded: both, or neither."""
-    if path and report is None:
-        message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
-        warnings.warn(message, LacmeshWarning, stacklevel=1)
     if path is None or report is None:
+        if path:
+            message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
+            warnings.warn(message, LacmeshWarning, stacklevel=1)
         yield
         return
-    from lacmesh.formats.output import readable, replacing
-
-    with replacing(Path(path)) as (beside,):
-        beside.write_bytes(lacmesh.report.report_bytes(Path(path).suffix.lower(), report, readable(Path(source).name)))
+    files = lacmesh.formats.output
+    with files.replacing(Path(path)) as (beside,):
+        name = files.readable(Path(source).name)
+        beside.write_bytes(lacmesh.report.report_bytes(Path(path).suffix.lower(), report, name))
         yield
 
 
@@ -160,18 +131,9 @@ def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.
     if cut.origin is None:  # it was cut before, from what is not known
         print(f"{source} is already cut on all of {', '.join(cut.zones)}: written unchanged to {place}")
         return
-    summary = report.summary if report else lacmesh.report.summarise(before, cut)
-    counts = [("nodes", summary.nodes), ("cells", summary.cells)]
-    rows: list[tuple[str, ...]] = [(name, f"{old:,}", f"{new:,}", f"+{new - old:,}") for name, (old, new) in counts]
-    rows += [(f"macro-elements of {zone}", "", f"{macros:,}", "") for zone, macros in summary.zones.items()]
-    rows.append(())
-    for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):
-        old, new = summary.replaced.get(cell_type, 0), summary.children.get(cell_type, 0)
-        rows.append((f"{cell_type} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}"))
-    if summary.replaced:
-        rows.append(("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), ""))
-    else:
-        rows.append(("no cell is cut", "", "", ""))
+    summary = report.summary if report else lacmesh.report.CutSummary.of(before, cut)
+    rows = [*summary.rows()]
+    rows.insert(2 + len(summary.zones), ())
     print_table((f"{Path(source).name} -> {place.name}", "+before", "+after", "+added"), rows)
     print(f"{place}: {spent}")
     if summary.worst[0] <= 0:

@@ -15,7 +15,8 @@ from typer import Argument, Option
 import lacmesh
 from lacmesh.cli.options import AsJson, Force, ForProgram, MeshFile, MeshName, MeshOutput
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import counted
 
 #: entities that the table lists at most
 _LISTED = 60
@@ -68,23 +69,20 @@ def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tup
     entities = [] if groups else described["entities"]
     if groups:
         print_table(("group", "dimension", "+cells", "length, area or volume", "tag"), groups)
-    if entities:
-        print_table(("entity", "+cells", "box"), map(_entity, entities[:_LISTED]))
+    rows = []
+    for entity in entities[:_LISTED]:
+        low, high = ("(" + ", ".join(f"{v:.4g}" for v in corner) + ")" for corner in entity["box"])
+        rows.append((f"entity:{entity['dim']}:{entity['tag']}", f"{entity['cells']:,}", f"{low} .. {high}"))
+    if rows:
+        print_table(("entity", "+cells", "box"), rows)
     if len(entities) > _LISTED:
         print(f"and {len(entities) - _LISTED} entities more, which --json lists")
-    if described["node_groups"]:
-        print_table(
-            ("node group", "+nodes"), [(name, f"{count:,}") for name, count in described["node_groups"].items()]
-        )
+    if node_groups := [(name, f"{count:,}") for name, count in described["node_groups"].items()]:
+        print_table(("node group", "+nodes"), node_groups)
     for name, shapes in described.get("shapes", {}).items():
         print(f"{name}: {in_words(shapes)}")
     if described["lac"]:
         print(f"cut: {described['lac']['macro_elements']:,} macro-elements in {', '.join(described['lac']['zones'])}")
-
-
-def _entity(entity: dict[str, Any]) -> tuple[str, ...]:
-    low, high = ("(" + ", ".join(f"{v:.4g}" for v in corner) + ")" for corner in entity["box"])
-    return f"entity:{entity['dim']}:{entity['tag']}", f"{entity['cells']:,}", f"{low} .. {high}"
 
 
 def _print_parts(folder: str, json: bool) -> None:
@@ -146,8 +144,7 @@ def partition(
         str | None, Option("--output", "-o", metavar="DIR", help="folder (default: IN with suffix .parts)")
     ] = None,
     method: Annotated[
-        Literal["bisection", "metis"],
-        Option(help="of the coordinates, or by METIS on the graph of nodes (needs pymetis)"),
+        Literal["bisection", "metis"], Option(help="of the coordinates, or of the graph of nodes (needs pymetis)")
     ] = "bisection",
     mesh_name: MeshName = None,
     force: Force = False,

@@ -13,8 +13,8 @@ import lacmesh
 from lacmesh.cli.files import summary
 from lacmesh.cli.options import AsJson, Direction, Force, MeshFile, MeshName, MshOutput, Names, Skins
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, counted, print_json, print_table
-from lacmesh.errors import RequestError
+from lacmesh.cli.terminal import Stages, print_json, print_table
+from lacmesh.errors import RequestError, counted
 
 if TYPE_CHECKING:
     from lacmesh.gmsh import CadShape
@@ -130,14 +130,11 @@ def mesh_command(
     check_source(cad)
     out.check(run, Path(target))
     stage = Stages(run)
-    sizes: dict[str, Any] = {
-        "size": size,
-        "order": None if order is None else int(order),
-        "slave": slave or [],
-        "slave_size": slave_size,
-    }
     with stage("mesh"):
-        mesh = mesh_cad(cad, groups=groups, dim=dimension, **sizes)
+        raised = None if order is None else int(order)
+        mesh = mesh_cad(
+            cad, groups=groups, dim=dimension, size=size, order=raised, slave=slave or [], slave_size=slave_size
+        )
     with stage("write"):
         lacmesh.write(target, mesh, msh=out.msh, binary=False if out.ascii else None, force=out.force)
     print(f"{target}: {summary(mesh)}")
@@ -162,7 +159,7 @@ def _print_shapes(cad: str, shapes: Sequence[CadShape], json: bool) -> None:
             "type": [s.type for s in part],
             measures[dim]: [f"{s.measure:.5g}" for s in part],
             "centre": [_vector(s.centre, s.box) for s in part],
-            "normal, or radius": [_facing(s) for s in part],
+            "normal, or radius": [_vector(s.normal) if s.normal else _radius(s.radius) for s in part],
             "box": [" .. ".join(_vector(corner, s.box) for corner in s.box) for s in part],
             "of body": [", ".join(map(str, s.bodies)) if several else "" for s in part],
             "group": [", ".join(s.groups) for s in part],
@@ -171,12 +168,8 @@ def _print_shapes(cad: str, shapes: Sequence[CadShape], json: bool) -> None:
         print_table(tuple(columns), zip(*columns.values(), strict=True))
 
 
-def _facing(shape: CadShape) -> str:
-    if shape.normal is not None:
-        return _vector(shape.normal)
-    if shape.radius is None:
-        return ""
-    return f"{'round' if shape.radius > 0 else 'hollow'}, r = {abs(shape.radius):.5g}"
+def _radius(radius: float | None) -> str:
+    return "" if radius is None else f"{'round' if radius > 0 else 'hollow'}, r = {abs(radius):.5g}"
 
 
 def _vector(values: Sequence[float], box: Iterable[Sequence[float]] = ((1.0,),)) -> str:

@@ -99,12 +99,3 @@ def print_json(data: Any) -> None:
     text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False)
     text = "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
     getattr(sys.stdout, "out", sys.stdout).write(f"{text}\n")
-
-
-def counted(n: int, noun: str) -> str:
-    """Return a number with its noun.
-
-    >>> counted(1, "cell"), counted(1200, "cell")
-    ('1 cell', '1,200 cells')
-    """
-    return f"{n:,} {noun}{'' if n == 1 else 's'}"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of, positions
+from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of
 from lacmesh.reference.shapes import shape
 
 
@@ -52,7 +51,10 @@ class NodeList:
 
 @dataclass(frozen=True)
 class ChildCells:
-    """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and `child_index` (k,) in that, from 0."""
+    """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and their order in it, `child_index` (k,).
+
+    The first child of a parent has the index 0.
+    """
 
     type: str
     nodes: Ints
@@ -64,41 +66,57 @@ class ChildCells:
         return ChildCells(self.type, self.nodes[rows], self.parent[rows], self.child_index[rows])
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Layout of the new mesh: `blocks`; `origin` (n_cells,): the old cell that each cell is, or replaces with others.
-
-    `new_index` (old cells,): -1 for those that were replaced. `child` (c,): indices of the children, sorted by the cell
-    that they replace, then by `child_index` (c,) in that.
-    """
-
-    blocks: tuple[Block, ...]
-    origin: Ints
-    new_index: Ints
-    child: Ints
-    child_index: Ints
-
-
 def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], *, extend: bool) -> tuple[Mesh, Origin]:
     """Build the mesh with new nodes and with the cells that replace others; return it with their origin.
 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
-    layout = _lay_out(mesh, children)
-    number, file_order = _numbers_and_order(mesh, layout)
+    gone = mask_of(mesh.n_cells, *(block.parent for block in children))
+    old = {block.type: k for k, block in enumerate(mesh.blocks)}
+    new_index = np.empty(mesh.n_cells, np.int32)  # -1 for the cells that are replaced
+    new_index[gone] = -1
+    blocks, origins, ranks = [], [], []  # ranks of children in the cell that they replace, -1 for cells that stay
+    start = 0
+    for kind in dict.fromkeys([*old, *(block.type for block in children)]):
+        first, stop = mesh.offsets[old[kind] : old[kind] + 2] if kind in old else (0, 0)
+        stays = np.flatnonzero(~gone[first:stop])
+        mine = _joined(kind, [block for block in children if block.type == kind])
+        nodes = mesh.block(kind) if kind in old else mine.nodes.astype(mesh.blocks[0].nodes.dtype)[:0]
+        nodes = nodes if len(stays) == len(nodes) else nodes[stays]
+        blocks.append(Block(kind, np.concatenate([nodes, mine.nodes], dtype=nodes.dtype)))
+        new_index[first + stays] = start + np.arange(len(stays), dtype=np.int32)
+        origins += [first + stays, mine.parent]
+        ranks += [np.full(len(stays), -1, np.int32), mine.child_index]
+        start += len(blocks[-1].nodes)
+    origin, rank = (np.concatenate([np.empty(0, np.int32), *parts], dtype=np.int32) for parts in (origins, ranks))
+    child = np.flatnonzero(rank >= 0).astype(np.int32)
+    child = child[np.lexsort((rank[child], origin[child]))]
+    # in the file children take the place of their parent; new numbers grow along it
+    place = mesh.places_in_file(origin) * np.int64(1 + rank.max(initial=0)) + np.maximum(rank, 0)
+    following = _following_numbers(mesh.cell_number, len(child), "cells")
+    number = mesh.cell_number[origin].astype(following.dtype, copy=False)
+    later = child[rank[child] > 0]
+    number[later[np.argsort(place[later])]] = following[: len(later)]
+    in_order = bool((place[1:] > place[:-1]).all())
+
+    def members(ids: Ints) -> Ints:
+        """Members of a cell group: the cells that remain, and the children of those that were replaced."""
+        born = child[mask_of(mesh.n_cells, ids)[origin[child]]]
+        return np.sort(np.concatenate([new_index[ids[~gone[ids]]], born]), kind="stable")
+
     new = replace(
         mesh,
-        blocks=layout.blocks,
+        blocks=tuple(blocks),
         cell_number=number,
-        file_order=file_order,
-        cell_groups={name: _group(ids, layout) for name, ids in mesh.cell_groups.items()},
-        cell_data={name: values[layout.origin] for name, values in mesh.cell_data.items()},
+        file_order=None if in_order else np.argsort(place, kind="stable").astype(np.int32),
+        cell_groups={name: members(ids) for name, ids in mesh.cell_groups.items()},
+        cell_data={name: values[origin] for name, values in mesh.cell_data.items()},
         **nodes_of(mesh, new_nodes, extend),
     )
     cells = ((block.type, block.nodes, block.parent) for block in children)
-    first = [np.repeat(nodes.sources.min(axis=1), nodes.ids.shape[1]) for nodes in new_nodes]
-    origin_of_node = np.concatenate([np.arange(mesh.n_nodes), *first], dtype=np.int32)
-    return with_node_entities(new, mesh, cells), Origin(layout.origin, origin_of_node, layout.child)
+    first_node = [np.repeat(nodes.sources.min(axis=1), nodes.ids.shape[1]) for nodes in new_nodes]
+    origin_of_node = np.concatenate([np.arange(mesh.n_nodes), *first_node], dtype=np.int32)
+    return with_node_entities(new, mesh, cells), Origin(origin, origin_of_node, child)
 
 
 def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Any]:
@@ -157,39 +175,6 @@ def with_node_entities(new: Mesh, mesh: Mesh, cells: Iterable[tuple[str, Ints, I
 # ---- cells
 
 
-def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
-    gone = mask_of(mesh.n_cells, *(block.parent for block in children))
-    old = {block.type: k for k, block in enumerate(mesh.blocks)}
-    origin = np.empty(mesh.n_cells - np.count_nonzero(gone) + sum(len(block.parent) for block in children), np.int32)
-    new_index = np.empty(mesh.n_cells, np.int32)
-    blocks, child, index = [], [], []
-    start = 0
-    for kind in dict.fromkeys([*old, *(block.type for block in children)]):
-        mine = _joined(kind, [block for block in children if block.type == kind])
-        first, stop = mesh.offsets[old[kind] : old[kind] + 2] if kind in old else (0, 0)
-        stays = ~gone[first:stop]
-        np.cumsum(stays, out=new_index[first:stop])
-        new_index[first:stop] += start - 1
-        rows = [mesh.blocks[old[kind]].nodes] if kind in old else []
-        gaps = np.flatnonzero(~stays)
-        if len(gaps) * 50 > len(stays):
-            rows = [rows[0][stays]]
-        elif rows:  # few cells go: the rows between them are several times faster to copy
-            rows = [rows[0][a + 1 : b] for a, b in pairwise([-1, *gaps.tolist(), len(stays)])]
-        dtype = mesh.blocks[old.get(kind, 0)].nodes.dtype
-        blocks.append(Block(kind, np.concatenate([*rows, mine.nodes], dtype=dtype)))
-        middle = start + int(np.count_nonzero(stays))
-        np.add(np.flatnonzero(stays), first, out=origin[start:middle], casting="same_kind")
-        start = middle + len(mine.parent)
-        origin[middle:start] = mine.parent
-        child.append(np.arange(middle, start, dtype=np.int32))
-        index.append(mine.child_index)
-    new_index[gone] = -1
-    all_child, all_index = (np.concatenate([np.empty(0, np.int32), *parts]) for parts in (child, index))
-    order = np.lexsort((all_index, origin[all_child]))
-    return _Layout(tuple(blocks), origin, new_index, all_child[order], all_index[order])
-
-
 def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     """Join the children of one type, sorted by the cell they replace."""
     parts = [(c.nodes, c.parent, c.child_index) for c in children]
@@ -199,19 +184,6 @@ def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     return joined.take(np.lexsort((joined.child_index, joined.parent)))
 
 
-def _numbers_and_order(mesh: Mesh, layout: _Layout) -> tuple[Ints, Ints | None]:
-    """Return the numbers of the cells, and their order in the new file: None if it is that of the indices."""
-    parent = layout.origin[layout.child]
-    following = _following_numbers(mesh.cell_number, len(parent), "cells")
-    numbers = mesh.cell_number[layout.origin].astype(following.dtype, copy=False)
-    order = np.lexsort((layout.child_index, mesh.places_in_file(parent)))  # new numbers grow along the file
-    later = layout.child[order][layout.child_index[order] > 0]
-    numbers[later] = following[: len(later)]
-    place = mesh.places_in_file(layout.origin) * np.int64(1 + layout.child_index.max(initial=0))
-    place[layout.child] += layout.child_index
-    return numbers, None if (place[1:] > place[:-1]).all() else np.argsort(place, kind="stable").astype(np.int32)
-
-
 def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
     """(added,): the numbers that follow the largest one. Raises DataError if none are left."""
     largest = int(numbers.max(initial=0))
@@ -219,16 +191,3 @@ def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
         raise DataError(f"no numbers are left for new {what} after {largest}: number them again")
     dtype = numbers.dtype if largest + 1 + added <= np.iinfo(numbers.dtype).max else np.int64
     return (largest + np.arange(1, added + 1)).astype(dtype)
-
-
-def _group(members: Ints, layout: _Layout) -> Ints:
-    """Members of a cell group after the cut: the cells that remain, and the children of those that were replaced."""
-    if not len(members):
-        return members
-    consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
-    new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
-    inside = positions(members, layout.origin[layout.child].astype(members.dtype)) >= 0
-    if inside.any():
-        new = np.concatenate([new[new >= 0], layout.child[inside]])
-        new.sort(kind="stable")
-    return new.copy() if consecutive and not inside.any() else new

@@ -149,11 +149,10 @@ def _warn_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str, pai
 
 
 def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
-    if mesh.model is None or "entity" not in mesh.cell_data or not mesh.model.periodic:
-        return
-    linked = {tag for link in mesh.model.periodic for tag in (link.slave, link.master)}
-    cut = selection.skin.cell[patterns[selection.skin.face] != WHOLE_CODE]
-    here = {tuple(int(t) for t in e) for e in np.unique(mesh.cell_data["entity"][cut], axis=0)} & linked
+    periodic = mesh.model.periodic if mesh.model is not None and len(mesh.entity_of_cell) else ()
+    linked = {tag for link in periodic for tag in (link.slave, link.master)}
+    cut = selection.skin.cell[patterns[selection.skin.face] != WHOLE_CODE] if linked else []
+    here = linked & {(dim, tag) for dim, tag in mesh.entity_of_cell[cut].tolist()} if linked else ()
     if here:
         names = ", ".join(f"{dim}:{tag}" for dim, tag in sorted(here))
         message = f"slave faces lie on periodic entities ({names}): their new nodes have no periodic partner"

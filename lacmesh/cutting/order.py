@@ -11,7 +11,6 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.assemble import NewNodes, NodeList, nodes_of, with_node_entities
@@ -62,8 +61,7 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True, surfac
         raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")
     if is_cut(mesh):
         raise CutError("this mesh carries a cut, whose macro-elements depend on the order; elevate the order, then cut")
-    targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
-    raised = [_widened(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
+    raised = [_widened(block, ORDERS.index(order)) for block in mesh.blocks]
     new_nodes = _middles(mesh, raised).parts
     new = replace(mesh, blocks=tuple(raised), **nodes_of(mesh, new_nodes, extend))
     rows = np.split(np.arange(mesh.n_cells), mesh.offsets[1:-1])
@@ -80,7 +78,8 @@ def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
     way = np.zeros_like(new.points)
     for nodes, ways in zip(new_nodes, ways_to_surface(mesh, [nodes.on for nodes in new_nodes]), strict=True):
         way[nodes.ids[:, 0]] = ways
-    touched = np.flatnonzero(_of_cells(new, (way != 0).any(axis=1)))
+    moved_nodes = (way != 0).any(axis=1)
+    touched = np.flatnonzero(np.concatenate([moved_nodes[block.nodes].any(axis=1) for block in new.blocks]))
     least = np.minimum(validity_of(new, touched), _LEAST)
     straight = np.zeros(len(touched), bool)
     while True:
@@ -93,33 +92,19 @@ def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
             way[spoiling] = 0.0
     if straight.any():
         cells = touched[straight & (new.cell_dim[touched] == new.dim)]
-        message = (
-            f"{len(cells)} cells on curved skins keep straight edges, with which they have a better shape: "
-            f"{new.cell_names(cells)}; refine the mesh there"
-        )
-        warnings.warn(message, LacmeshWarning, stacklevel=3)
+        message = f"{len(cells)} cells on curved skins keep straight edges, with which they have a better shape: "
+        warnings.warn(f"{message}{new.cell_names(cells)}; refine the mesh there", LacmeshWarning, stacklevel=3)
     return moved if way.any() else new
 
 
-def _of_cells(mesh: Mesh, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n_cells,): True for cells with some of the nodes (n_nodes,)."""
-    return np.concatenate([nodes[block.nodes].any(axis=1) for block in mesh.blocks])
-
-
-def _target(name: str, full: int) -> str:
-    cell = CELLS.get(name)
-    if cell is None or cell.name == "TRIA7":
-        return name
-    raised = _RAISED[cell.family][full]
-    return raised if CELLS[raised].n_nodes > cell.n_nodes else name
-
-
-def _widened(block: Block, target: str) -> Block:
-    """Return the cells as those of another type, with -1 for the nodes that they lack."""
-    if target == block.type:
+def _widened(block: Block, full: int) -> Block:
+    """Return the cells as those of the quadratic type, serendipity or full, with -1 for the nodes that they lack."""
+    cell = CELLS.get(block.type)
+    target = block.type if cell is None or cell.name == "TRIA7" else _RAISED[cell.family][full]
+    if cell is None or CELLS[target].n_nodes <= cell.n_nodes:
         return block
     nodes = np.full((len(block.nodes), CELLS[target].n_nodes), -1, np.int64)
-    nodes[:, : block.nodes.shape[1]] = block.nodes
+    nodes[:, : cell.n_nodes] = block.nodes
     return Block(target, nodes)
 
 

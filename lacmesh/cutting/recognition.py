@@ -91,10 +91,8 @@ def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | N
     recognised = find_macros(mesh, slave)
     if len(recognised.left) or not recognised.n_cut:
         left = recognised.cells[recognised.left]
-        message = (
-            f"no earlier cut is recognised on {', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
-        )
-        raise CutError(message, mesh.cell_number[left])
+        names = f"{', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
+        raise CutError(f"no earlier cut is recognised on {names}", mesh.cell_number[left])
     return as_cut(mesh, recognised)
 
 
@@ -140,11 +138,11 @@ def _recorded(mesh: Mesh, slave: SlaveSkin) -> Cut:
         others = [(kind, nodes, cells) for kind, cells, nodes in mesh.select(faces[macro[faces] < 0])]
         left = np.setdiff1d(faces[macro[faces] < 0], find_repeats(skin, others, mesh.n_nodes).cell)
         if len(left) or not len(faces):
-            raise CutError(
-                f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {name!r} "
-                f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once",
-                mesh.cell_number[left],
+            message = (
+                f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {name!r} (cells "
             )
+            advice = "cut the mesh it came from, with every --slave at once"
+            raise CutError(f"{message}{mesh.cell_names(left)}); {advice}", mesh.cell_number[left])
     return cut
 
 
@@ -260,8 +258,7 @@ def _segments(mesh: Mesh, faces: Faces) -> list[MacroGroup]:
     segments = faces.take(rows)
     start, stop = segments.nodes[:, :2].T
     owners = find_owners(segments, cells_of_dim(mesh, 2), mesh.n_nodes)
-    quad = np.array([block.type == "QUAD4" for block in mesh.blocks])
-    quad = quad[np.searchsorted(mesh.offsets, owners.cell, side="right") - 1]
+    quad = mesh.of_type(owners.cell, ["QUAD4"])
     behind, quads = (np.bincount(of, minlength=len(rows)) for of in (owners.face, owners.face[quad]))
     size = np.where((behind > 0) & (quads == behind), 3, 2)
     way = mesh.points[stop] - mesh.points[start]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -99,11 +100,6 @@ class Cut(Described):
         internal = self.mesh.node_data.get(NODE_RECORD)
         return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
 
-    @property
-    def cell_records(self) -> dict[str, Ints]:
-        """All records of the cells, (n_cells,) each, by the names of their data."""
-        return {name: self._cell_record(name) for name in CELL_RECORDS}
-
     def _cell_record(self, name: str) -> Ints:
         """Return a record, or -1 for every cell if the file has none (`lac_parent` if all faces were left whole)."""
         values = self.mesh.cell_data.get(name)
@@ -150,6 +146,13 @@ def is_cut(mesh: Mesh) -> bool:
     """True if a mesh carries the records of a cut."""
     macro = mesh.cell_data.get("lac_macro")
     return macro is not None and bool((macro >= 0).any())
+
+
+def cut_of(mesh: Mesh) -> Cut | None:
+    """Return the cut that a mesh carries; None without one, or if its data only have the names of records."""
+    with suppress(CutError):
+        return Cut(mesh)
+    return None
 
 
 def with_records(mesh: Mesh, cells: Mapping[str, Ints], internal: Ints, zones: tuple[str, ...]) -> Mesh:

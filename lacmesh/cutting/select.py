@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
+from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
 from lacmesh.topology.orientation import flip_outward
@@ -65,8 +65,8 @@ def skin_faces(mesh: Mesh, groups: Sequence[Ints], dim: int) -> tuple[Ints, Ints
     """Return the cells in groups that are skin faces of a dimension, each once; the place of the first group that holds
     each; the faces; and the rows of the cells that these are from.
     """
-    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
-    parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
+    types = [kind for kind in TYPE_CODE if CELLS[kind].dim == dim > 0]
+    parts = [cells[mesh.of_type(cells, types)] for cells in groups]
     cells = concatenated(parts)
     group = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if len(parts) > 1:
@@ -96,17 +96,12 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
         for name, dim in zip(names, dims, strict=True)
         if (mesh.cell_dim[mesh.cells_of(name)] < dim).any()
     ]
-    empty = [name for k, name in enumerate(names) if not (zone == k).any()]
+    empty = ", ".join(name for k, name in enumerate(names) if not (zone == k).any())
     if empty:
-        remarks.append(
-            f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
-        )
+        remarks.append(f"every face of {empty} is in an earlier slave group: no macro-element is of that zone")
     if len(first) != len(cells):
         copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
-        message = (
-            f"slave faces stand twice in the slave groups (cells {copies} repeat others): one macro-element each, "
-        )
-        remarks.append(f"{message}both copies cut")
+        remarks.append(f"slave faces stand twice in the slave groups (cells {copies} repeat others); both are cut")
     return SlaveSkin(tuple(names), cells, zone, faces, first, refusals, tuple(remarks))
 
 
@@ -125,17 +120,17 @@ def _refusals(mesh: Mesh, names: list[str], dims: list[int], skin_only: bool) ->
         wrong = cells[(of < 1) | (of > 2)] if skin_only else cells[of > mesh.dim - 1]
         odd = wrong if len(wrong) or skin_only or dim == mesh.dim - 1 else cells
         if len(odd) and (of == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
-            message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
-            yield CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
+            what = f"has nothing behind it: {lacking(mesh, mesh.dim + 1)}; --skin-only cuts a shell"
+            yield CutError(f"the slave group {name!r} {what}", mesh.cell_number[odd])
         elif len(odd):
             needed = "1 or 2" if skin_only else f"{max(mesh.dim - 1, 1)}, one less than the cells behind it"
-            message = f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
-            message += f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension {needed}"
-            yield CutError(message, mesh.cell_number[odd])
+            what = f"holds cells of dimension {int(mesh.cell_dim[odd].max())} ({mesh.cell_names(odd)}); "
+            what += f"a slave skin is made of faces of dimension {needed}"
+            yield CutError(f"the slave group {name!r} {what}", mesh.cell_number[odd])
         for kind, which, _ in mesh.select(cells[of == dim]):
             if kind not in CELLS:
-                message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
-                yield CutError(message, mesh.cell_number[which])
+                names_of = mesh.cell_names(which)
+                yield CutError(f"slave faces of type {kind} ({names_of}) cannot be cut", mesh.cell_number[which])
     if mesh.dim < 2:
         yield CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
     if len(set(dims)) > 1:
@@ -163,10 +158,8 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
     skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes).by_cell()
     if not skin.same.all():
         odd = skin.cell[~skin.same]
-        raise CutError(
-            f"cells {mesh.cell_names(odd)} lie on slave faces with other nodes (linear on quadratic?); remove them",
-            mesh.cell_number[odd],
-        )
+        why = "lie on slave faces with other nodes (linear on quadratic?); remove them"
+        raise CutError(f"cells {mesh.cell_names(odd)} {why}", mesh.cell_number[odd])
     return mesh, Selection(faces, slave.names, slave.zone[first], cells[first], skin, parents)
 
 
@@ -209,15 +202,11 @@ def _check_parents(
 
 def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
     """Raise an error if a cell of order 3 or higher has a slave face or lies on one: such cells are never cut."""
-    on, behind = (
-        [
-            (CARRIED[kind].linear, nodes[:, : CARRIED[kind].n_corners], cells)
-            for kind, nodes, cells in cells_of_dim(mesh, d)
-            if kind in CARRIED
-        ]
-        for d in (dim, dim + 1)
-    )
-    for owners in (find_repeats(faces, on, mesh.n_nodes), find_owners(faces, behind, mesh.n_nodes)):
+    for d, find in ((dim, find_repeats), (dim + 1, find_owners)):
+        carried = ((CARRIED[kind], nodes, cells) for kind, nodes, cells in cells_of_dim(mesh, d) if kind in CARRIED)
+        owners = find(
+            faces, [(one.linear, nodes[:, : one.n_corners], ids) for one, nodes, ids in carried], mesh.n_nodes
+        )
         if len(owners.cell):
             cell = owners.cell.min()
             kind = mesh.blocks[int(np.searchsorted(mesh.offsets, cell, side="right")) - 1].type

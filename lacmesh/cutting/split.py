@@ -75,14 +75,6 @@ class Split:
     bodies: tuple[int, int]
 
 
-class _Group(NamedTuple):
-    """A group of faces: its name, its cells (c,), and the face (c,) that each cell lies on."""
-
-    name: str
-    cells: Ints
-    face: Ints
-
-
 class _Division(NamedTuple):
     """The cells `solid` around the faces with their nodes in the mesh and in the divided mesh, `old` and `new` (k, n).
 
@@ -139,12 +131,12 @@ def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
     _check_owners(mesh, groups, faces, owners)
     known, flipped = (np.zeros(len(faces), bool) for _ in range(2))
     by_group = []  # (m,) rows of faces and True where the second cell is on side a; a face's first group decides
-    for group in groups:
-        rows = np.unique(group.face)
+    for name, on in groups.items():
+        rows = np.unique(on.face)
         try:
             second = _second_is_a(mesh, faces.take(rows), owners.take((2 * rows[:, None] + np.arange(2)).ravel()))
         except DataError as error:
-            raise DataError(f"the group {group.name!r} {error}", error.cells) from None
+            raise DataError(f"the group {name!r} {error}", error.cells) from None
         by_group.append((rows, second))
         flipped[rows] = np.where(known[rows], flipped[rows], second)
         known[rows] = True
@@ -155,19 +147,19 @@ def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
         warnings.warn(message, LacmeshWarning, stacklevel=3)
     new = _divided_mesh(mesh, division)
     skins: dict[str, tuple[str, str]] = {}
-    for group, (rows, second) in zip(groups, by_group, strict=True):
-        skins[group.name] = group.name + "_a", group.name + "_b"
+    for name, (rows, second) in zip(groups, by_group, strict=True):
+        skins[name] = f"{name}_a", f"{name}_b"
         at = opened[rows]
         cells = [owners.cell[2 * rows[at] + side[at]] for side in (second, ~second)]
-        new = _with_skins(new, division, faces.take(rows[at]), cells, skins[group.name])
-    on = faces.take(np.flatnonzero(opened)).distinct_nodes
-    n_sides = 1 + np.bincount(division.copied, minlength=mesh.n_nodes)[on]
+        new = _with_skins(new, division, faces.take(rows[at]), cells, skins[name])
+    nodes = faces.take(np.flatnonzero(opened)).distinct_nodes
+    n_sides = 1 + np.bincount(division.copied, minlength=mesh.n_nodes)[nodes]
     bodies = [int(label_bodies([Solid.of(m).corners], m.n_nodes).max(initial=-1)) + 1 for m in (mesh, new)]
     return Split(new, skins, closed, n_sides, (bodies[0], bodies[1]))
 
 
-def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
-    """Return the groups of faces, and the faces under all of them, each once."""
+def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[dict[str, FaceIncidence], Faces]:
+    """Return the cells of each group on the faces, and the faces under all of them, each once."""
     if not specs:
         raise RequestError("no group of faces was given")
     names = [
@@ -178,42 +170,37 @@ def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
     taken = [name + end for name in names for end in ("_a", "_b") if name + end in mesh.cell_groups]
     if taken:
         raise RequestError(f"the mesh has a group {taken[0]!r} already, the name of a side; rename it")
-    groups, parts = [], []
+    parts = []
     for name in names:
         if not len(mesh.cells_of(name)):
             raise DataError(f"the group {name!r} is empty: it has no faces to split the mesh along")
         parts.append(cells := skin_cells(mesh, name))
         if (dim := int(mesh.cell_dim[cells[0]])) != mesh.dim - 1:
             what = f"{('', 'lines', 'surfaces')[dim]} ({mesh.cell_names(cells)})"
-            message = (
-                f"the group {name!r} has {what}; a mesh of dimension {mesh.dim} is split along cells of dimension "
-            )
-            raise DataError(f"{message}{mesh.dim - 1}", mesh.cell_number[cells])
+            message = f"the group {name!r} has {what}; this mesh is split along cells of dimension {mesh.dim - 1}"
+            raise DataError(message, mesh.cell_number[cells])
     faces, _ = distinct_faces(mesh, np.unique(np.concatenate(parts)))
-    for name, cells in zip(names, parts, strict=True):
-        on = find_repeats(faces, [(k, nodes, some) for k, some, nodes in mesh.select(cells)], mesh.n_nodes).by_cell()
-        groups.append(_Group(name, on.cell, on.face))
-    return groups, faces
+    on = (find_repeats(faces, [(k, nodes, ids) for k, ids, nodes in mesh.select(c)], mesh.n_nodes) for c in parts)
+    return {name: cells.by_cell() for name, cells in zip(names, on, strict=True)}, faces
 
 
-def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIncidence) -> None:
+def _check_owners(mesh: Mesh, groups: dict[str, FaceIncidence], faces: Faces, owners: FaceIncidence) -> None:
     """Check that each face lies between two cells. Raises DataError."""
     count = np.bincount(owners.face, minlength=len(faces))
     differs = mask_of(len(faces), owners.face[~owners.same])
-    for group in groups:
-        behind = count[group.face]
+    for name, on in groups.items():
+        behind = count[on.face]
         for wrong, why in (
             (behind == 0, "are no facets of cells, so that there is nothing to split; gmsh saves the cells of physical "
              "groups alone: is the body in one, and were the faces embedded in it?"),
             (behind == 1, "lie on the surface already; name faces inside the body, between two cells"),
             (behind > 2, "have more than two cells on them: the mesh is not a manifold there"),
-            (differs[group.face], "and the cells on them do not have the same mid-nodes: elevate the order of both "
+            (differs[on.face], "and the cells on them do not have the same mid-nodes: elevate the order of both "
              "alike"),
         ):  # fmt: skip
             if wrong.any():
-                cells = group.cells[wrong]
-                message = f"faces {mesh.cell_names(cells)} of the group {group.name!r} {why}"
-                raise DataError(message, mesh.cell_number[cells])
+                cells = on.cell[wrong]
+                raise DataError(f"faces {mesh.cell_names(cells)} of the group {name!r} {why}", mesh.cell_number[cells])
 
 
 def _side(owners: FaceIncidence, second: Bools) -> FaceIncidence:
@@ -246,8 +233,8 @@ def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
     alike = np.flatnonzero(agrees[0] == agrees[1])
     if len(alike):
         cells = owners.cell[np.concatenate([2 * alike, 2 * alike + 1])]
-        message = f"has faces on whose two sides the cells list their nodes alike (cells {mesh.cell_names(cells)}), so "
-        raise DataError(f"{message}that they overlap or have no common orientation: see lacmesh check", cells)
+        message = f"has cells on both sides of a face that list its nodes alike ({mesh.cell_names(cells)}): they "
+        raise DataError(f"{message}overlap, or have no common orientation; see lacmesh check", mesh.cell_number[cells])
     return agrees[1]
 
 
@@ -268,8 +255,8 @@ def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Divi
     old = np.full((len(solid.cells), max(nodes.shape[1] for *_, nodes in listed)), -1, np.int64)
     for kind, cells, nodes in listed:
         if kind in CARRIED:
-            message = f"has cells of type {kind} at it ({mesh.cell_names(cells)}): those of order 3 and higher are not "
-            raise DataError(f"{message}split", mesh.cell_number[cells])
+            message = f"has cells of type {kind}, of order 3 or higher, at it ({mesh.cell_names(cells)})"
+            raise DataError(f"{message}; they are not split", mesh.cell_number[cells])
         old[np.searchsorted(solid.cells, cells), : nodes.shape[1]] = nodes
     division = _Division(solid, old, old, np.empty(0, np.int64))
     # the cells around each node are linked over each facet with this node that they share
@@ -317,19 +304,17 @@ def _with_copies(old: Ints, n_nodes: int, whole: Ints, part: Ints, keeps: Ints) 
     return node[label].reshape(old.shape), copied
 
 
-def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
+def _closed(mesh: Mesh, groups: dict[str, FaceIncidence], opened: Bools) -> Ints:
     """Return the cells of the groups on faces that stay closed, and warn of them. Raises DataError if all do."""
-    cells = np.unique(np.concatenate([group.cells[~opened[group.face]] for group in groups]))
-    if not len(cells):
-        return cells
-    for group in groups:
-        if not opened[group.face].any():
-            message = f"no face of the group {group.name!r} can open: the corners of each lie on the front, where the "
-            message += "faces end inside the body and its nodes stay shared; refine the mesh there, or take more faces"
-            raise DataError(message, mesh.cell_number[group.cells])
-    message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the "
-    message += "where the nodes are shared; refine the mesh there to open them"
-    warnings.warn(message, LacmeshWarning, stacklevel=4)
+    cells = np.unique(np.concatenate([on.cell[~opened[on.face]] for on in groups.values()]))
+    for name, on in groups.items():
+        if not opened[on.face].any():
+            why = "all corners of each lie on the front, whose nodes stay shared; refine the mesh there"
+            raise DataError(f"no face of the group {name!r} can open: {why}", mesh.cell_number[on.cell])
+    if len(cells):
+        why = "all their corners lie on the front, whose nodes stay shared; refine the mesh there to open them"
+        message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: {why}"
+        warnings.warn(message, LacmeshWarning, stacklevel=4)
     return cells
 
 

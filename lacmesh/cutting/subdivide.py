@@ -19,18 +19,9 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.assemble import ChildCells, NodeList, node_values
-from lacmesh.cutting.patterns import (
-    CONE,
-    RING,
-    RING_PARENTS,
-    WHOLE,
-    Template,
-    face_pattern,
-    listings,
-    parent_pattern,
-)
+from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, Template, face_pattern, listings, parent_pattern
 from lacmesh.cutting.select import Selection
-from lacmesh.mesh import Ints, Mesh, codes, concatenated, mask_of
+from lacmesh.mesh import Ints, Mesh, codes, mask_of
 from lacmesh.quality import corner_jacobian
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.orientation import relative_listing
@@ -41,7 +32,7 @@ PATTERNS = (WHOLE, CONE, RING)
 WHOLE_CODE, CONE_CODE, RING_CODE = range(3)
 HEXA = ("pyramid", "hexa", "auto")
 _RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPES])
-#: a child that is cut again leaves its index to fewer children than so many; they are counted anew after each round
+#: a child that is cut again has fewer children than so many, which come between it and the next
 _ROOM = 8
 
 
@@ -117,8 +108,7 @@ def _allowed_rings(mesh: Mesh, selection: Selection, whole: Bools, hexa: str, sk
     if skin_only:
         return ring & (faces.type != FACE_TYPES.index("SEG2")) & (hexa != "pyramid"), alone
     # with "pyramid" the ring cuts no hexahedron
-    types = [b.type in RING_PARENTS and (hexa != "pyramid" or b.type == "QUAD4") for b in mesh.blocks]
-    able = np.array(types, bool)[np.searchsorted(mesh.offsets, parents.cell, side="right") - 1]
+    able = mesh.of_type(parents.cell, [kind for kind in RING_PARENTS if hexa != "pyramid" or kind == "QUAD4"])
     ring[parents.face[~able]] = False
     if hexa != "auto" and not (able & ~ring[parents.face]).any():
         return ring, alone
@@ -184,7 +174,7 @@ def _cut_parents(mesh: Mesh, cut: CutFaces, parents: FaceIncidence, new_nodes: N
     children = _cut_once(mesh, cut, children, owners, new_nodes)
     for r in range(1, int(nth.max(initial=0)) + 1):
         owners = _owners(cut, children, parents.take(np.flatnonzero(nth == r)), new_nodes.following)
-        children = _counted(_cut_once(mesh, cut, children, owners, new_nodes))
+        children = _cut_once(mesh, cut, children, owners, new_nodes)
     return children
 
 
@@ -238,19 +228,6 @@ def _children(pattern: Template, frame: Ints, parent: Ints, index: Ints | int = 
         )
         for block in pattern.children
     ]
-
-
-def _counted(children: list[ChildCells]) -> list[ChildCells]:
-    """Children whose indices in their parents count from 0 without gaps, in the same order."""
-    parent, index = (
-        concatenated(values) for values in zip(*((b.parent, b.child_index) for b in children), strict=True)
-    )
-    order = np.lexsort((index, parent))
-    start = np.flatnonzero(np.diff(parent[order], prepend=-1))
-    counted = np.empty(len(order), np.int64)
-    counted[order] = np.arange(len(order)) - np.repeat(start, np.diff(start, append=len(order)))
-    ends = np.cumsum([len(b.parent) for b in children])[:-1]
-    return [replace(b, child_index=own) for b, own in zip(children, np.split(counted, ends), strict=True)]
 
 
 def _corners(mesh: Mesh, cells: Ints) -> Ints:

@@ -10,25 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS
+from lacmesh.cells import ALL_CELLS, PIECES
 from lacmesh.errors import DataError, ReadError, RequestError, check_installed
 from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, from_meshio, mesh_of_grid, to_arrays, to_meshio, vtk_cells
 from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Ints, Mesh
 
 __all__ = ["from_meshio", "from_pyvista", "to_meshio", "to_pyvista", "to_trimesh"]
-
-_QUAD8 = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
-_QUAD9 = ((0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8))
-#: face -> its triangles, which use all its nodes and turn as it does
-TRIANGLES = {
-    "TRIA3": ((0, 1, 2),),
-    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
-    "QUAD4": ((0, 1, 2), (0, 2, 3)),
-    "QUAD8": _QUAD8,
-    "QUAD9": _QUAD9,
-}
 
 
 def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
@@ -86,7 +74,7 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
     cells = mesh.cells_of(group)
     triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
     for kind, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
-        parts = TRIANGLES[kind if kind in TRIANGLES else ALL_CELLS[kind].linear]
+        parts = PIECES[kind if kind in PIECES else ALL_CELLS[kind].linear]
         triangles.append(nodes[:, parts].reshape(-1, 3).astype(np.int64))
         owners.append(np.repeat(chosen, len(parts)))
     faces, cell = np.concatenate(triangles), np.concatenate(owners)

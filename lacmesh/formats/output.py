@@ -75,7 +75,7 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
     except WriteError as error:
         if error.path not in map(str, beside):
             raise
-        raise WriteError(places[0], error.what) from error
+        raise WriteError(places[0], error.reason) from error
     except OSError as error:
         raise WriteError(places[0], f"cannot be written ({error.strerror or error})") from error
     finally:

@@ -5,19 +5,13 @@ of a mesh that gmsh's model has no place for are kept in its attribute `LacMesh`
 as the section that lacmesh reads; fields, the records of a cut among them, are views.
 """
 
-from lacmesh.gmsh.cad import EntitySelection, check_source, list_cad, mesh_cad, parse_group
-from lacmesh.gmsh.geometry import SUFFIXES, CadShape
-from lacmesh.gmsh.model import cut_model, from_mesh, to_mesh
-
-__all__ = [
-    "SUFFIXES",
-    "CadShape",
-    "EntitySelection",
-    "check_source",
-    "cut_model",
-    "from_mesh",
-    "list_cad",
-    "mesh_cad",
-    "parse_group",
-    "to_mesh",
-]
+from lacmesh.gmsh.cad import EntitySelection as EntitySelection
+from lacmesh.gmsh.cad import check_source as check_source
+from lacmesh.gmsh.cad import list_cad as list_cad
+from lacmesh.gmsh.cad import mesh_cad as mesh_cad
+from lacmesh.gmsh.cad import parse_group as parse_group
+from lacmesh.gmsh.geometry import SUFFIXES as SUFFIXES
+from lacmesh.gmsh.geometry import CadShape as CadShape
+from lacmesh.gmsh.model import cut_model as cut_model
+from lacmesh.gmsh.model import from_mesh as from_mesh
+from lacmesh.gmsh.model import to_mesh as to_mesh

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import (
-    GroupNotFoundError,
-    ReadError,
-    RequestError,
-    did_you_mean,
-    reading,
-    some,
-)
+from lacmesh.errors import GroupNotFoundError, ReadError, RequestError, did_you_mean, reading, some
 from lacmesh.gmsh.geometry import FLAT, PLACES, SUFFIXES, CadShape, diagonal, generate_mesh, opened, shapes, warn
 from lacmesh.gmsh.model import to_mesh
 from lacmesh.mesh import Ints, Mesh, Tag
@@ -122,7 +115,11 @@ def mesh_cad(
     with opened(path, dim) as (gmsh, dim):
         skin = _skin_dim(gmsh, dim)
         for name, parts in (groups or {}).items():
-            _add_group(gmsh, name, {tag for part in parts for tag in _entities(gmsh, skin, name, part)})
+            if name in {gmsh.model.getPhysicalName(*g) for g in gmsh.model.getPhysicalGroups()}:
+                raise RequestError(f"it has a group named {name!r} already; choose another name")
+            entities = {tag for part in parts for tag in _entities(gmsh, skin, name, part)}
+            for d in sorted({d for d, _ in entities}):
+                gmsh.model.addPhysicalGroup(d, sorted(t for e, t in entities if e == d), name=name)
         faces = [(skin, tag) for spec in slave for tag in _slave_entities(gmsh, skin, spec)]
         _set_sizes(gmsh, path, size, faces, slave_size)
         if order:
@@ -178,13 +175,6 @@ def _entities(gmsh: Any, skin: int, name: str, part: EntitySelection) -> list[Ta
     return [(d, t) for t in inside]
 
 
-def _add_group(gmsh: Any, name: str, tags: Iterable[Tag]) -> None:
-    if name in {gmsh.model.getPhysicalName(*g) for g in gmsh.model.getPhysicalGroups()}:
-        raise RequestError(f"it has a group named {name!r} already; choose another name")
-    for d in sorted({d for d, _ in tags}):
-        gmsh.model.addPhysicalGroup(d, sorted(t for e, t in tags if e == d), name=name)
-
-
 def _slave_entities(gmsh: Any, skin: int, spec: str) -> list[int]:
     """The entities of dimension `skin` in a group: named, or by tag, as in a mesh. Raises RequestError."""
     groups: dict[str, list[int]] = {}
@@ -233,11 +223,8 @@ def _refine(gmsh: Any, faces: Sequence[Tag], h: float, far: float) -> None:
     both = field.add("Min" if h <= far else "Max")
     field.setNumbers(both, "FieldsList", [grading, on])
     field.setAsBackgroundMesh(both)
-    for name, value in (
-        ("ExtendFromBoundary", 0),
-        ("Min", 0),
-        ("Max", max(h, gmsh.option.getNumber("Mesh.MeshSizeMax"))),
-    ):
+    largest = max(h, gmsh.option.getNumber("Mesh.MeshSizeMax"))
+    for name, value in (("ExtendFromBoundary", 0), ("Min", 0), ("Max", largest)):
         gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
     around = gmsh.model.getBoundary(faces, combined=False, oriented=False, recursive=True)
     gmsh.model.mesh.setSize([p for p in around if p[0] == 0], h)

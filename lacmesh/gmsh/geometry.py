@@ -194,10 +194,9 @@ def gmsh_errors(gmsh: Any) -> list[str]:
 
 def _boundary(gmsh: Any, dim: int) -> dict[int, list[int]]:
     """Tags of the entities that bound each body of dimension `dim`."""
-    bounds = {
-        b: gmsh.model.getBoundary([(dim, b)], combined=False, oriented=False) for _, b in gmsh.model.getEntities(dim)
-    }
-    return {int(b): [int(tag) for _, tag in bounding] for b, bounding in bounds.items()}
+    bodies = gmsh.model.getEntities(dim)
+    around = (gmsh.model.getBoundary([body], combined=False, oriented=False) for body in bodies)
+    return {int(tag): [int(t) for _, t in bounds] for (_, tag), bounds in zip(bodies, around, strict=True)}
 
 
 def diagonal(gmsh: Any) -> float:
@@ -207,16 +206,6 @@ def diagonal(gmsh: Any) -> float:
 
 
 # ---- shapes
-
-
-def _part_name(path: str) -> str:
-    """Name of a part in an assembly, the last of its path; empty for the name that Open CASCADE invents where none is.
-
-    >>> _part_name("Shapes/Pump/Shaft"), _part_name("Shapes/Open CASCADE STEP translator 7.8 1.1")
-    ('Shaft', '')
-    """
-    name = path.rpartition("/")[2]
-    return "" if name.startswith("Open CASCADE STEP translator") else name
 
 
 def shapes(gmsh: Any, dim: int) -> list[CadShape]:
@@ -240,6 +229,7 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
         if (d, tag) in known:
             measure, centre = gmsh.model.occ.getMass(d, tag), _triple(gmsh.model.occ.getCenterOfMass(d, tag))
         kind, box = gmsh.model.getType(d, tag), gmsh.model.getBoundingBox(d, tag)
+        name = gmsh.model.getEntityName(d, tag).rpartition("/")[2]  # of a path of assemblies
         groups = [abs(int(g)) for g in gmsh.model.getPhysicalGroupsForEntity(d, tag)]
         listed.append(
             CadShape(
@@ -253,7 +243,7 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
                 radius=radius,
                 bodies=bodies,
                 groups=tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
-                name=_part_name(gmsh.model.getEntityName(d, tag)),
+                name="" if name.startswith("Open CASCADE STEP translator") else name,
             )
         )
     return listed

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.records import without_records
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats import read, write
 from lacmesh.formats.output import signals_wait, temporary_folder
@@ -92,25 +92,8 @@ def from_mesh(mesh: Mesh, name: str | None = None) -> None:
         _merge(gmsh, path, mesh)
 
 
-def cut_model(
-    slave: str | int | Sequence[str | int],
-    *,
-    hexa: str = "pyramid",
-    interface: str = "both",
-    orient: str = "keep",
-    skin_only: bool = False,
-    node_groups: str = "extend",
-    ring: float = 1 / 3,
-    depth: float = 1 / 2,
-    recognise: bool | None = None,
-    macro: str = "cut",
-    rest: str = "cut",
-    pairs: bool = False,
-    crease_angle: float | None = None,
-    dirichlet: Sequence[str | int] = (),
-    views: bool = True,
-) -> Cut:
-    """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
+def cut_model(slave: str | int | Sequence[str | int], *, views: bool = True, **options: Any) -> Cut:
+    """Cut the mesh of gmsh's current model in place; `options`: of `lacmesh.cut_skin`.
 
     Geometry, parametric coordinates, physical groups, periodic links and all nodes stay as they are; the cells of the
     entities that the cut touches are put in anew. `views`: the records of the cut become gmsh's views, of which
@@ -124,27 +107,11 @@ def cut_model(
     before = to_mesh()
     if gmsh.model.getNumberOfPartitions():
         raise RequestError("the model is partitioned; call gmsh.model.mesh.unpartition() first")
-    cut = cut_skin(
-        before,
-        slave,
-        hexa=hexa,
-        interface=interface,
-        orient=orient,
-        skin_only=skin_only,
-        node_groups=node_groups,
-        ring=ring,
-        depth=depth,
-        recognise=recognise,
-        macro=macro,
-        rest=rest,
-        pairs=pairs,
-        crease_angle=crease_angle,
-        dirichlet=dirichlet,
-    )
+    cut = cut_skin(before, slave, **options)
     if cut.mesh is not before:
         with temporary_folder() as folder, signals_wait():
             path = Path(folder, "cut.msh")
-            write(path, cut.mesh if views else _without_records(cut.mesh))
+            write(path, cut.mesh if views else without_records(cut.mesh))
             content = path.read_bytes()  # without its mesh: the head, and what follows the cells
             head, end = b"$EndMeshFormat\n", b"$EndElements\n"
             path.write_bytes(content[: content.index(head) + len(head)] + content[content.index(end) + len(end) :])
@@ -155,17 +122,15 @@ def cut_model(
     return cut
 
 
-def _without_records(mesh: Mesh) -> Mesh:
-    cell_data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
-    node_data = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
-    return replace(mesh, cell_data=cell_data, node_data=node_data, zones=())
-
-
 def _replace_cells(gmsh: Any, old: Mesh, new: Mesh) -> None:
     """Add the nodes of a cut to their entities, and put the cells anew into the entities whose cells differ."""
     born = np.flatnonzero(~np.isin(new.node_number, old.node_number))
     entities = np.unique(new.cell_data["entity"], axis=0).tolist()
-    changed = [(dim, tag) for dim, tag in entities if _differ(_cells_on(old, dim, tag), _cells_on(new, dim, tag))]
+    changed = []
+    for entity in entities:
+        before, after = ({k: rows.tobytes() for k, rows in _cells_on(mesh, *entity).items()} for mesh in (old, new))
+        if before != after:
+            changed.append(entity)
     for dim, tag in changed:
         gmsh.model.mesh.removeElements(dim, tag)
     for dim, tag in np.unique(new.node_data["entity"][born], axis=0).tolist():
@@ -173,21 +138,18 @@ def _replace_cells(gmsh: Any, old: Mesh, new: Mesh) -> None:
         points = new.points[rows].ravel()
         gmsh.model.mesh.addNodes(dim, tag, new.node_number[rows], points, _parameters(gmsh, dim, tag, points))
     for dim, tag in changed:
-        for kind, (numbers, nodes) in _cells_on(new, dim, tag).items():
-            gmsh.model.mesh.addElementsByType(tag, ALL_CELLS[kind].msh, numbers, nodes.ravel())
+        for kind, rows in _cells_on(new, dim, tag).items():
+            gmsh.model.mesh.addElementsByType(tag, ALL_CELLS[kind].msh, rows[:, 0], rows[:, 1:].ravel())
 
 
-def _cells_on(mesh: Mesh, dim: int, tag: int) -> dict[str, tuple[Ints, Ints]]:
-    """Numbers and nodes, by number, of an entity's cells by type; without the types that gmsh lacks."""
-    rows = np.flatnonzero((mesh.cell_data["entity"] == [dim, tag]).all(axis=1))
-    cells = ((kind, mesh.cell_number[ids], mesh.node_number[nodes]) for kind, ids, nodes in mesh.select(rows))
-    return {kind: (numbers, nodes) for kind, numbers, nodes in cells if ALL_CELLS[kind].msh is not None}
-
-
-def _differ(old: Mapping[str, tuple[Ints, Ints]], new: Mapping[str, tuple[Ints, Ints]]) -> bool:
-    return old.keys() != new.keys() or not all(
-        np.array_equal(a, b) for kind in old for a, b in zip(old[kind], new[kind], strict=True)
-    )
+def _cells_on(mesh: Mesh, dim: int, tag: int) -> dict[str, Ints]:
+    """Number, then nodes by number, of an entity's cells by type; without the types that gmsh lacks."""
+    cells = np.flatnonzero((mesh.cell_data["entity"] == [dim, tag]).all(axis=1))
+    return {
+        kind: np.column_stack([mesh.cell_number[ids], mesh.node_number[nodes]]).astype(np.int64)
+        for kind, ids, nodes in mesh.select(cells)
+        if ALL_CELLS[kind].msh is not None
+    }
 
 
 def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
@@ -204,11 +166,18 @@ def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
 
 def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
     """The current model as gmsh saves it, with the data of some views; warnings name the model, not the file."""
-    with temporary_folder() as folder, _options(gmsh, _WHOLE):
+    options = {name: gmsh.option.getNumber(name) for name in _WHOLE}
+    with temporary_folder() as folder:
         path = Path(folder, "model.msh")
-        gmsh.write(str(path))
-        for view in views:
-            gmsh.view.write(view, str(path), append=True)
+        try:
+            for name, value in _WHOLE.items():
+                gmsh.option.setNumber(name, value)
+            gmsh.write(str(path))
+            for view in views:
+                gmsh.view.write(view, str(path), append=True)
+        finally:
+            for name, value in options.items():
+                gmsh.option.setNumber(name, value)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             mesh = read(path)
@@ -218,19 +187,6 @@ def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
             text = f"gmsh's model {gmsh.model.getCurrent()!r}: {'; '.join(lost)}"
             warnings.warn(LacmeshWarning(text), stacklevel=3)
     return mesh
-
-
-@contextmanager
-def _options(gmsh: Any, wanted: Mapping[str, float]) -> Iterator[None]:
-    """Set options of gmsh inside the block, and restore them after it."""
-    before = {name: gmsh.option.getNumber(name) for name in wanted}
-    try:
-        for name, value in wanted.items():
-            gmsh.option.setNumber(name, value)
-        yield
-    finally:
-        for name, value in before.items():
-            gmsh.option.setNumber(name, value)
 
 
 def _merge(gmsh: Any, path: Path, mesh: Mesh) -> None:

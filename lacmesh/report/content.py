@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.cutting.cut import Cut, is_cut
-from lacmesh.errors import CutError
+from lacmesh.cutting.records import cut_of
 from lacmesh.mesh import ENTITY_CODE, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.reference.quadrature import rule
-from lacmesh.reference.shapes import jacobian
+from lacmesh.reference.quadrature import measure
 
-#: degree of the rule, by dimension and order: exact for volumes and for flat faces
-_DEGREE = {1: {1: 1, 2: 6}, 2: {1: 3, 2: 6}, 3: {1: 3, 2: 6}}
 #: cells whose Jacobians are in memory at once
 _PIECE = 1 << 16
 
@@ -26,27 +21,19 @@ _PIECE = 1 << 16
 def describe(mesh: Mesh) -> dict[str, Any]:
     """All that `lacmesh info --json` says of a mesh; counts are of distinct cells."""
     low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
-    lac, sizes = None, group_sizes(mesh)
-    if is_cut(mesh):
-        with suppress(CutError):  # records that mean something else
-            cut = Cut(mesh)
-            lac = {"macro_elements": cut.n_macros, "zones": list(cut.zones)}
+    cut = cut_of(mesh)
     return {
         "nodes": mesh.n_nodes,
         "cells": mesh.n_cells,
         "cells_by_type": mesh.cells_by_type,
         "groups": {
-            name: {
-                "dim": mesh.group_dim(name),
-                "cells": len(g),
-                "size": sizes[name] if np.isfinite(sizes[name]) else None,
-            }
-            for name, g in mesh.cell_groups.items()
+            name: {"dim": mesh.group_dim(name), "cells": len(g), "size": size if np.isfinite(size) else None}
+            for (name, g), size in zip(mesh.cell_groups.items(), group_sizes(mesh).values(), strict=True)
         },
         "node_groups": {name: len(members) for name, members in mesh.node_groups.items()},
         "entities": list(_entities(mesh)),
         "bounding_box": low_high,
-        "lac": lac,
+        "lac": cut and {"macro_elements": cut.n_macros, "zones": list(cut.zones)},
     }
 
 
@@ -80,17 +67,10 @@ def cell_sizes(mesh: Mesh, cells: Ints | None = None) -> NDArray[np.floating]:
     cells = np.arange(mesh.n_cells) if cells is None else cells
     out, x = np.full(mesh.n_cells, np.nan), from_origin(mesh, origin_of_mesh(mesh)).points
     for name, chosen, nodes in mesh.select(cells):
-        cell = CELLS.get(name)
-        if cell is None:
-            continue
-        if not cell.dim:
-            out[chosen] = 0.0
-            continue
-        X, w = rule(cell.family, _DEGREE[cell.dim][cell.order])
-        for first in range(0, len(chosen), _PIECE):
+        dim = CELLS[name].dim if name in CELLS else -1
+        for first in range(0, len(chosen), _PIECE) if dim >= 0 else ():
             rows = slice(first, first + _PIECE)
-            J = jacobian(name, x[nodes[rows]], X[:, : cell.dim])
-            out[chosen[rows]] = np.sqrt(np.abs(np.linalg.det(J.swapaxes(2, 3) @ J))) @ w
+            out[chosen[rows]] = np.abs(measure(name, x[nodes[rows]])) if dim else 0.0
     return out[cells]
 
 

@@ -25,7 +25,7 @@ from lacmesh.formats.output import check_place, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian, measure_cells, measures_of
 from lacmesh.quality.summary import PERCENTS, Statistics, statistics
-from lacmesh.report.touched import Touched, touched
+from lacmesh.report.touched import Touched, WorstChild, touched, worst_children
 
 if TYPE_CHECKING:
     from lacmesh.checks.findings import Finding
@@ -66,6 +66,35 @@ class CutSummary:
     cells: tuple[int, int]
     worst: tuple[float, float]
 
+    @classmethod
+    def of(cls, before: Mesh, cut: Cut, cells: Touched | None = None) -> CutSummary:
+        """Compare a mesh with its cut; `cells`: the touched ones, where they are known already (`touched`)."""
+        cells = touched(before, cut) if cells is None else cells
+        macros = np.bincount(cut.zone_of_face[cut.child_kind == 1], minlength=len(cut.zones))
+        old, new = before.cell_dim[cells.parents] > 1, cut.mesh.cell_dim[cells.children] > 1  # lines have no quality
+        worst = [float(q.min()) if len(q) else math.nan for q in (cells.before[old], cells.after[new])]
+        return cls(
+            zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
+            replaced={kind: len(of_kind) for kind, of_kind, _ in before.select(cells.parents)},
+            children={kind: len(of_kind) for kind, of_kind, _ in cut.mesh.select(cells.children)},
+            nodes=(before.n_nodes, cut.mesh.n_nodes),
+            cells=(before.n_cells, cut.mesh.n_cells),
+            worst=(worst[0], worst[1]),
+        )
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """Yield the rows of a table: what, before, after, added."""
+        for what, (a, b) in (("nodes", self.nodes), ("cells", self.cells)):
+            yield what, f"{a:,}", f"{b:,}", f"{b - a:+,}"
+        yield from ((f"macro-elements of {zone}", "", f"{n:,}", "") for zone, n in self.zones.items())
+        for kind in dict.fromkeys([*self.replaced, *self.children]):
+            old, new = self.replaced.get(kind, 0), self.children.get(kind, 0)
+            yield f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}"
+        if self.replaced:
+            yield "worst quality of the touched cells", *map(number, self.worst), ""
+        else:
+            yield "no cell is cut", "", "", ""
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -80,20 +109,6 @@ class Comparison:
     before: dict[str, Statistics]
     after: dict[str, Statistics]
     ratio: Statistics
-
-
-@dataclass(frozen=True)
-class WorstChild:
-    """One of the worst new cells: its number, parent and centroid, and the least corner Jacobians of both."""
-
-    cell: int
-    type: str
-    parent: int
-    parent_type: str
-    groups: tuple[str, ...]
-    centroid: tuple[float, float, float]
-    corner_jacobian: float
-    corner_jacobian_of_parent: float
 
 
 @dataclass(frozen=True)
@@ -132,22 +147,6 @@ class ChildrenQuality:
         return {"children": self.children, "invalid_children": self.invalid, "corner_jacobian": self.child.as_json()}
 
 
-def summarise(before: Mesh, cut: Cut, cells: Touched | None = None) -> CutSummary:
-    """Compare a mesh with its cut; `cells`: the touched ones, where they are known already (`touched`)."""
-    cells = touched(before, cut) if cells is None else cells
-    macros = np.bincount(cut.zone_of_face[cut.child_kind == 1], minlength=len(cut.zones))
-    old, new = before.cell_dim[cells.parents] > 1, cut.mesh.cell_dim[cells.children] > 1  # lines have no quality
-    worst = [float(q.min()) if len(q) else math.nan for q in (cells.before[old], cells.after[new])]
-    return CutSummary(
-        zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
-        replaced={kind: len(of_kind) for kind, of_kind, _ in before.select(cells.parents)},
-        children={kind: len(of_kind) for kind, of_kind, _ in cut.mesh.select(cells.children)},
-        nodes=(before.n_nodes, cut.mesh.n_nodes),
-        cells=(before.n_cells, cut.mesh.n_cells),
-        worst=(worst[0], worst[1]),
-    )
-
-
 def children_quality(cut: Cut) -> ChildrenQuality | None:
     """Quality of the children of a cut; None if no cell was cut."""
     mesh = cut.mesh
@@ -163,25 +162,24 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
     return ChildrenQuality(len(children), invalid, statistics("corner_jacobian", np.concatenate(ranked)))
 
 
-def cut_report(
-    before: Mesh, cut: Cut, *, findings: Iterable[Finding] | None = None, cells: Touched | None = None
-) -> CutReport:
+def cut_report(before: Mesh, cut: Cut, *, findings: Iterable[Finding] | None = None) -> CutReport:
     """Report the effect of a cut on the cells it touched.
 
     `before`: the mesh that was cut. `findings`: those of `lacmesh.check` for the cut, to be included in the report.
-    `cells`: the touched ones, where they are known already (`touched`). Raises CutError where the cut is not of that
-    mesh.
+    Raises CutError where the cut is not of that mesh.
     """
-    cells = touched(before, cut) if cells is None else cells
-    summary = summarise(before, cut, cells)
+    cells = touched(before, cut)
+    summary = CutSummary.of(before, cut, cells)
     count = np.bincount(cut.macro_of_node[cut.macro_of_node >= 0], minlength=cut.n_macros)
     zone, first = np.zeros(cut.n_macros, int), np.flatnonzero(cut.child_kind == 1)
     zone[cut.macro_of_face[first]] = cut.zone_of_face[first]
+    dim = cut.mesh.cell_dim[cells.children]  # lines have no quality to compare
+    order = np.argsort(np.where(dim > 1, cells.after.round(9), np.inf), kind="stable")  # the first of equal ones
     return CutReport(
         summary=summary,
         internal={name: (n, int(count[zone == k].min())) for k, (name, n) in enumerate(summary.zones.items()) if n},
         comparisons=tuple(_comparisons(before, cut, cells)),
-        worst=tuple(_worst(before, cut, cells)),
+        worst=tuple(worst_children(before, cut, cells, order[: min(WORST, int((dim > 1).sum()))])),
         findings=None if findings is None else tuple(findings),
     )
 
@@ -214,27 +212,6 @@ def _measured(mesh: Mesh, cells: Ints) -> dict[str, Floats]:
 
 def _invalid(values: Mapping[str, Floats]) -> int:
     return int(np.count_nonzero(~(values["validity"] > 0)))
-
-
-def _worst(before: Mesh, cut: Cut, cells: Touched) -> Iterator[WorstChild]:
-    """The children of the lowest quality; lines have none to compare."""
-    dim = cut.mesh.cell_dim[cells.children]
-    order = np.argsort(np.where(dim > 1, cells.after.round(9), np.inf), kind="stable")  # the first of equal ones
-    for k in order[: min(WORST, int((dim > 1).sum()))].tolist():
-        child, parent = int(cells.children[k]), int(cells.of[k])
-        ((kind, _, nodes),) = cut.mesh.select(np.array([child]))
-        ((parent_kind, row, _),) = before.select(cells.parents[parent : parent + 1])
-        x, y, z = cut.mesh.points[nodes[0, : CELLS[kind].n_corners]].mean(axis=0).tolist()
-        yield WorstChild(
-            cell=int(cut.mesh.cell_number[child]),
-            type=kind,
-            parent=int(before.cell_number[row[0]]),
-            parent_type=parent_kind,
-            groups=tuple(name for name, members in cut.mesh.cell_groups.items() if child in members),
-            centroid=(x, y, z),
-            corner_jacobian=float(cells.after[k]),
-            corner_jacobian_of_parent=float(cells.before[parent]),
-        )
 
 
 # ---- the report as text
@@ -283,13 +260,7 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
 
     s = report.summary
     yield f"# {_plain(_title(name))}"
-    rows: list[tuple[str, ...]]
-    rows = [(what, f"{a:,}", f"{b:,}", f"{b - a:+,}") for what, (a, b) in (("nodes", s.nodes), ("cells", s.cells))]
-    rows += [(f"macro-elements of {_plain(zone)}", "", f"{n:,}", "") for zone, n in s.zones.items()]
-    for kind in dict.fromkeys([*s.replaced, *s.children]):
-        old, new = s.replaced.get(kind, 0), s.children.get(kind, 0)
-        rows.append((f"{kind} touched", f"{old:,}", f"{new:,}", f"{new - old:+,}"))
-    rows.append(("worst quality of the touched cells", *map(number, s.worst), ""))
+    rows = [(_plain(name), *values) for name, *values in s.rows()]
     yield _table(("", "before", "after", "added"), rows)
     yield " ".join(_sentences(report))
     if report.findings is not None:
@@ -303,8 +274,8 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
         if c.dim > 1 or any(c.invalid):
             yield f"## {_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after"
             pairs = ((m, when, own[m]) for m in c.after for when, own in (("before", c.before), ("after", c.after)))
-            rows = [(m, when, *_values(values)) for m, when, values in pairs]
-            yield _table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *_values(c.ratio))])
+            rows = [(m, when, *values(of)) for m, when, of in pairs]
+            yield _table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *values(c.ratio))])
     if report.worst:
         yield "## New cells of lowest quality"
         names = ("cell", "type", "of", "corner_jacobian", "of its parent", "centroid", "groups")
@@ -341,7 +312,8 @@ def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _values(s: Statistics) -> tuple[str, ...]:
+def values(s: Statistics) -> tuple[str, ...]:
+    """Format the least value of a measure, percentiles, the largest and the mean."""
     return tuple(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean))
 
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.checks.findings import counted
+from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.cutting.patterns import RING_PARENTS
-from lacmesh.errors import CutError, LacmeshWarning
+from lacmesh.errors import CutError, LacmeshWarning, counted
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian
 
@@ -57,34 +56,65 @@ def _corner(mesh: Mesh, cells: Ints) -> Floats:
     return out
 
 
-def _variants(before: Mesh, cut: Cut, cells: Touched) -> Iterator[tuple[str, Floats]]:
-    """Yield the variants `pyramid` and `hexa` with the least corner Jacobian of each parent's children, (p,), by each.
+@dataclass(frozen=True)
+class WorstChild:
+    """One of the worst new cells: its number, parent and centroid, and the least corner Jacobians of both."""
 
-    None if no parent can be cut in two ways.
-    """
-    types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
-    if not types[np.searchsorted(before.offsets, cells.parents, side="right") - 1].any():
-        return
-    for hexa in ("pyramid", "hexa"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
-            other = cut_skin(before, cut.zones, hexa=hexa, recognise=False)
-        yield hexa, touched(before, other).least
+    cell: int
+    type: str
+    parent: int
+    parent_type: str
+    groups: tuple[str, ...]
+    centroid: tuple[float, float, float]
+    corner_jacobian: float
+    corner_jacobian_of_parent: float
 
 
-def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = None) -> None:
+def worst_children(before: Mesh, cut: Cut, cells: Touched, rows: Ints) -> Iterator[WorstChild]:
+    """Describe some of the touched cells, `rows` of their children."""
+    for k in rows.tolist():
+        child, parent = cells.children[k], cells.of[k]
+        ((kind, _, nodes),) = cut.mesh.select(cells.children[k : k + 1])
+        ((parent_kind, row, _),) = before.select(cells.parents[parent : parent + 1])
+        x, y, z = cut.mesh.points[nodes[0, : CELLS[kind].n_corners]].mean(axis=0).tolist()
+        yield WorstChild(
+            cell=int(cut.mesh.cell_number[child]),
+            type=kind,
+            parent=int(before.cell_number[row[0]]),
+            parent_type=parent_kind,
+            groups=tuple(name for name, members in cut.mesh.cell_groups.items() if child in members),
+            centroid=(x, y, z),
+            corner_jacobian=float(cells.after[k]),
+            corner_jacobian_of_parent=float(cells.before[parent]),
+        )
+
+
+def refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
     """Raise CutError where a touched cell has a least corner Jacobian below `least` after the cut.
 
-    The message names the worst, their parents and their places, and says which variant would be better there. `cells`:
-    the touched ones, where they are known already (`touched`).
+    The message names the worst, their parents and their places, and says which variant would be better there; the worst
+    alone if the mesh `before` the cut is not known.
     """
-    cells = touched(before, cut) if cells is None else cells
+    if before is None:
+        children = np.flatnonzero(cut.parent_of_cell >= 0)
+        values = _corner(cut.mesh, children)
+        bad = children[~(values >= least)]
+        if len(bad):
+            message = f"{len(bad):,} cells of this cut have a quality below {least:g} (least corner Jacobian), "
+            message += f"{np.nanmin(values):.3g} at least: cells {cut.mesh.cell_names(bad)}; cut the mesh before again"
+            raise CutError(message, cut.mesh.cell_number[bad])
+        return
+    cells = touched(before, cut)
     poor = np.flatnonzero(~(cells.after >= least))
     if not len(poor):
         return
     poor = poor[np.argsort(cells.after[poor].round(9), kind="stable")]  # the first of those that are equal
     worst = poor[np.sort(np.unique(cells.of[poor], return_index=True)[1])]  # of each parent
-    listed = "; ".join(_named(before, cut, cells, int(k)) for k in worst[:_NAMED])
+    listed = "; ".join(
+        f"a {w.type} of the {w.parent_type} {w.parent} at ({', '.join(f'{v:.4g}' for v in w.centroid)}) with "
+        f"{w.corner_jacobian:.3g} (it had {w.corner_jacobian_of_parent:.3g})"
+        for w in worst_children(before, cut, cells, worst[:_NAMED])
+    )
     more = f"; and those of {len(worst) - _NAMED:,} more" if len(worst) > _NAMED else ""
     raise CutError(
         f"{counted(len(poor), 'cell')} would have a quality below {least:g} (least corner Jacobian), the worst "
@@ -93,36 +123,16 @@ def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = No
     )
 
 
-def refuse_poor_children(cut: Cut, least: float) -> None:
-    """Raise CutError as `refuse_poor` does, for a cut whose original mesh is not known."""
-    children = np.flatnonzero(cut.parent_of_cell >= 0)
-    values = _corner(cut.mesh, children)
-    poor = children[~(values >= least)]
-    if len(poor):
-        raise CutError(
-            f"{len(poor):,} cells of this cut have a quality below {least:g} (least corner Jacobian), "
-            f"{np.nanmin(values):.3g} at least: cells {cut.mesh.cell_names(poor)}; cut the mesh before again",
-            cut.mesh.cell_number[poor],
-        )
-
-
-def _named(before: Mesh, cut: Cut, cells: Touched, k: int) -> str:
-    child, parent = int(cells.children[k]), int(cells.parents[cells.of[k]])
-    ((kind, _, nodes),) = cut.mesh.select(np.array([child]))
-    ((parent_kind, _, _),) = before.select(np.array([parent]))
-    place = ", ".join(f"{v:.4g}" for v in cut.mesh.points[nodes[0, : ALL_CELLS[kind].n_corners]].mean(axis=0))
-    return (
-        f"a {kind} of the {parent_kind} {before.cell_number[parent]} at ({place}) with {cells.after[k]:.3g} "
-        f"(it had {cells.before[cells.of[k]]:.3g})"
-    )
-
-
 def _advice(before: Mesh, cut: Cut, cells: Touched, poor: Ints, least: float) -> str:
     """Advice in a sentence: the other variant, a better mesh, or a lower limit."""
     of = np.unique(cells.of[poor])
     if (cells.before[of] < least).all():
         return "Their parents were below it before: mesh them better, or ask for less"
-    for hexa, values in _variants(before, cut, cells):
+    ring = before.of_type(cells.parents, [kind for kind in RING_PARENTS if CELLS[kind].dim == 3]).any()
+    for hexa in ("pyramid", "hexa") if ring else ():  # the two ways to cut hexahedra
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
+            values = touched(before, cut_skin(before, cut.zones, hexa=hexa, recognise=False)).least
         there = values[of].min()
         if there > cells.least[of].min() + 1e-9:
             enough = "is enough" if values.min() >= least else "is better there, not enough"

@@ -14,9 +14,9 @@ import pytest
 
 import lacmesh
 from lacmesh import Mesh, cut_skin
-from lacmesh.cells import CELLS
+from lacmesh.cells import CELLS, PIECES
 from lacmesh.checks import RULES, check
-from lacmesh.checks.bodies import PIECES, _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
+from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
 from lacmesh.checks.request import split_pairs
 from lacmesh.cli import main
 from lacmesh.errors import RequestError
@@ -217,7 +217,7 @@ def test_each_pair_is_examined_by_itself():
     assert "gap" not in found.summary and found.summary["slave"] == ["head", "base"]
     (partial,) = found.of_rule("partial-coverage")
     assert partial.message.startswith("head on flange: of 10 macro-elements, 3 do not")
-    assert partial.as_dict()["where"]["pair"] == ["head", "flange"] and partial.where.group == "head"
+    assert partial.as_dict()["where"]["pair"] == ("head", "flange") and partial.where.group == "head"
     assert [f.message.split(":")[0] for f in found.of_rule("gap")] == ["head on flange", "base on floor"]
     # a skin in two pairs is told once
     found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
