@@ -5,6 +5,8 @@ SHELL := /bin/bash
 unexport PYTHONDONTWRITEBYTECODE
 # where a virtual environment has its programs: elsewhere on Windows
 BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+# the packages alone, which linters need, and with them the compiled kernels
+PACKAGES := .venv/.packages
 INSTALLED := .venv/.installed
 # PETSc and MPI, with the older numpy that Debian's PETSc needs
 PETSC := .venv-petsc
@@ -36,10 +38,13 @@ install: $(INSTALLED) ## .venv with lacmesh, lacsolver and all that developing i
 	@bash tools/system.sh
 	@mkdir -p .venv && touch $@
 
-$(INSTALLED): pyproject.toml .venv/.system
+$(PACKAGES): pyproject.toml .venv/.system
 	@python=$$(bash tools/python.sh) && $$python -m venv .venv
 	@echo "installing lacmesh and its tools into .venv (some 300 MB to fetch the first time)"
 	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+$(INSTALLED): $(PACKAGES)
 	@$(BIN)/lacmesh compile
 	@touch $@
 
@@ -69,7 +74,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); a skip for want of a package is an error
 	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
-lint: $(INSTALLED) ## style, types, import layers
+lint: $(PACKAGES) ## style, types, import layers
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
