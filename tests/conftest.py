@@ -63,6 +63,20 @@ def pytest_itemcollected(item):
         item.add_marker("vtk")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_pycollect_makeitem(collector, obj):
+    """Mark the rows of a test slow that its mark `rows` does not name."""
+    found = yield
+    marks = getattr(obj, "pytestmark", ()) if found else ()
+    for named in (set(mark.args) for mark in marks if mark.name == "rows"):
+        others = [item for item in found if item.callspec.id not in named]
+        if len(found) != len(others) + len(named):
+            raise collector.CollectError(f"{obj.__name__} has no rows {named - {item.callspec.id for item in found}}")
+        for item in others:
+            item.add_marker("slow")
+    return found
+
+
 def pytest_runtest_setup(item):
     """Skip a test that lacks something, or fail it if nothing may be lacking."""
     needs = {mark.name for mark in item.iter_markers()} | ({"shared"} & {*getattr(item, "fixturenames", ())})

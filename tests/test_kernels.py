@@ -67,6 +67,7 @@ def compiled_here(tmp_path, monkeypatch, caplog):
     return once
 
 
+@pytest.mark.rows("*.nbi")
 @pytest.mark.parametrize("damaged", ["*.nbc", "*.nbi"])
 def test_a_kernel_is_cached_and_its_compilation_is_logged_and_a_damaged_cache_is_made_again(
     compiled_here, tmp_path, damaged
@@ -210,6 +211,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.rows("check-0", "run-1")
 @pytest.mark.parametrize(
     ("name", "debug"), each_option([*((name, "0") for name in COMMANDS), ("check", "1"), ("run", "1")])
 )

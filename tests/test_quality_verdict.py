@@ -70,6 +70,14 @@ def a_corner_across_the_face(measure, x, mine, theirs):
 ROUNDED = (nothing_over_nothing, a_corner_across_the_face)
 
 
+@pytest.mark.rows(
+    "TRIA3-distorted-0",
+    "QUAD4-degenerate-0",
+    "TETRA4-distorted-2",
+    "HEXA8-degenerate-2",
+    "PENTA6-degenerate-1",
+    "PYRAM5-degenerate-0",
+)
 @pytest.mark.parametrize(
     ("name", "cells", "seed"),
     each_option(

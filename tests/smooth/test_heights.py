@@ -65,6 +65,7 @@ def shared_normals(faces):
     return out / np.linalg.norm(out, axis=2, keepdims=True)
 
 
+@pytest.mark.rows("cylinder-TRIA3", "cone-QUAD4")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", ROUND)
 def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kind):
@@ -83,6 +84,7 @@ def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kin
     assert np.log2(errors[0] / errors[1]) / 2 > 3.5, errors
 
 
+@pytest.mark.rows("cylinder-QUAD4", "cone-TRIA3", "cone-mixed")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", ROUND)
 def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
@@ -197,6 +199,7 @@ def by_corners(faces):
     return ordered[rows], rows
 
 
+@pytest.mark.rows("HEXA8-pyramid", "PENTA6-pyramid", "TETRA4-pyramid", "PYRAM5-pyramid", "mixed-auto")
 @pytest.mark.parametrize(("kind", "hexa"), CUTS)
 def test_children_take_the_heights_of_their_parents(kind, hexa):
     mesh = block(kind)
@@ -278,6 +281,7 @@ def test_the_copies_of_slave_faces_have_parents_too():
 # ---- creases and rims
 
 
+@pytest.mark.slow
 def test_fits_do_not_reach_over_a_crease():
     """Two skins of free form that meet at right angles: what one is changes nothing of the other."""
     found = []
@@ -342,6 +346,7 @@ def turned_over(mesh):
     return Mesh.create(mesh.points * [-1, 1, 1], faces)
 
 
+@pytest.mark.rows("TRIA3-TRIA3-smoothed", "QUAD4-QUAD4-facet")
 @pytest.mark.parametrize("normals", ["facet", "smoothed"])
 @pytest.mark.parametrize(("slave", "master"), [*product(("TRIA3", "QUAD4"), repeat=2)])
 def test_a_mirror_image_has_the_same_gaps(slave, master, normals):
