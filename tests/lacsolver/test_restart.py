@@ -112,7 +112,7 @@ def assert_same(found, wanted, since=0.0):
 # ---- goes on
 
 
-@pytest.mark.rows("several", "far")
+@pytest.mark.rows("several")
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_a_run_goes_on_from_any_state_to_the_last_bit(ran, tmp_path, name):
     """Elsewhere and in the same folder; from the last state there is nothing left to do."""

@@ -250,6 +250,7 @@ TOES = {
 }
 
 
+@pytest.mark.rows("straight-finite", "toe without a slope-small")
 @pytest.mark.parametrize("name, kinematics", each_option(product(TOES, ("small", "finite"))))
 def test_a_block_comes_down_over_a_gap_and_again_after_it_was_let_go(name, kinematics):
     """Nothing but contact holds it down, and where the curve begins it has no slope."""

@@ -20,7 +20,6 @@ from lacmesh.surface.maps import coefficients, slopes, values
 from lacmesh.surface.normals import smooth_normals, unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
-from tests.samples import each_option
 from tests.smooth import skins
 from tests.smooth.skins import KINDS, LEVEL, ROUND, along, block, chain, heights, rolled, skin_of, worst
 from tests.surface.surfaces import mapped, sheet, whole
@@ -94,7 +93,8 @@ def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
     assert errors[-1][0] < 0.02 * errors[-1][1]
 
 
-@pytest.mark.parametrize(("surface", "kind"), each_option(product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)))
+@pytest.mark.rows("waves-mixed")
+@pytest.mark.parametrize(("surface", "kind"), [*product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)])
 def test_heights_of_a_free_form(surface, kind):
     """O(h^3) inside, on meshes whose nodes stand anywhere; not much less at the rim, where fits are one-sided."""
     for rim, least, share in ((False, 2.6, 0.05), (True, 2.2, 0.15)):
