@@ -191,7 +191,7 @@ def uniaxial(strains):
 MOVES = ((0.0, 0.0), (1.0, 0.01), (2.0, 0.0085), (3.0, -0.01), (4.0, 0.015))
 
 
-@pytest.mark.rows("TETRA4-3d-small", "HEXA8-3d-finite", "PENTA6-3d-small", "TRIA3-plane_stress-small")
+@pytest.mark.rows("TETRA4-3d-small", "HEXA8-3d-finite", "TRIA3-plane_stress-small", "QUAD4-plane_stress-finite")
 @pytest.mark.filterwarnings("ignore:law = .plastic. makes:lacmesh.errors.LacmeshWarning")
 @pytest.mark.parametrize(
     ("name", "model", "kinematics"),
