@@ -5,9 +5,12 @@ SHELL := /bin/bash
 unexport PYTHONDONTWRITEBYTECODE
 # where a virtual environment has its programs: elsewhere on Windows
 BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+# the packages alone, which linters need, and with them the compiled kernels
+PACKAGES := .venv/.packages
 INSTALLED := .venv/.installed
 # PETSc and MPI, with the older numpy that Debian's PETSc needs
 PETSC := .venv-petsc
+# pip compiles nothing: it would take all modules, most of a minute; Python compiles those that are imported, a third
 # three processes on two cores, since tests wait for programs that they start; each has one thread of OpenBLAS
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
@@ -36,10 +39,13 @@ install: $(INSTALLED) ## .venv with lacmesh, lacsolver and all that developing i
 	@bash tools/system.sh
 	@mkdir -p .venv && touch $@
 
-$(INSTALLED): pyproject.toml .venv/.system
+$(PACKAGES): pyproject.toml .venv/.system
 	@python=$$(bash tools/python.sh) && $$python -m venv .venv
 	@echo "installing lacmesh and its tools into .venv (some 300 MB to fetch the first time)"
-	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@$(BIN)/pip install --quiet --no-compile --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+$(INSTALLED): $(PACKAGES)
 	@$(BIN)/lacmesh compile
 	@touch $@
 
@@ -49,7 +55,7 @@ $(PETSC)/.installed: pyproject.toml tools/system.sh tools/python.sh
 	@bash tools/system.sh petsc
 	@python=$$(bash tools/python.sh) && $$python -m venv $(PETSC)
 	@echo "installing lacsolver with PETSc into $(PETSC) (some 100 MB to fetch the first time)"
-	@$(PETSC)/bin/pip install --quiet --disable-pip-version-check -e '.[petsc,multigrid]' pytest hypothesis
+	@$(PETSC)/bin/pip install --quiet --no-compile --disable-pip-version-check -e '.[petsc,multigrid]' pytest hypothesis
 	@touch $@
 
 demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both
@@ -69,7 +75,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); a skip for want of a package is an error
 	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
-lint: $(INSTALLED) ## style, types, import layers
+lint: $(PACKAGES) ## style, types, import layers
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

@@ -19,6 +19,8 @@ from hypothesis import settings
 from tests import REPOSITORY
 from tests.samples import FUZZ
 
+# no test is there after a failure of the machine, and to wait until files are on the disk takes a twentieth of the time
+os.fsync = lambda _: None
 # no example is too slow by the clock; but for `make fuzz`, which seeks new ones, the same examples in every run
 settings.register_profile("any machine", deadline=None, derandomize=not FUZZ)
 settings.load_profile("any machine")
@@ -61,6 +63,20 @@ def which(name):
 def pytest_itemcollected(item):
     if item.name in DRAWN_EXAMPLES:
         item.add_marker("vtk")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pycollect_makeitem(collector, obj):
+    """Mark the rows of a test slow that its mark `rows` does not name."""
+    found = yield
+    marks = getattr(obj, "pytestmark", ()) if found else ()
+    for named in (set(mark.args) for mark in marks if mark.name == "rows"):
+        others = [item for item in found if item.callspec.id not in named]
+        if len(found) != len(others) + len(named):
+            raise collector.CollectError(f"{obj.__name__} has no rows {named - {item.callspec.id for item in found}}")
+        for item in others:
+            item.add_marker("slow")
+    return found
 
 
 def pytest_runtest_setup(item):

@@ -62,6 +62,7 @@ def info(run):
 # ---- the main job
 
 
+@pytest.mark.rows("zzzz383b-2", "zzzz383d-1")
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
 def test_code_aster_counts(case, run, info):
     """Every cut_counts row of code_aster's suite, on meshes with the same cells and groups as its own.

@@ -415,6 +415,7 @@ TYPED = {
 }
 
 
+@pytest.mark.rows("lacsolver film --for")
 @pytest.mark.parametrize("line", TYPED)
 def test_bash_completes(line):
     program, wanted, unwanted = line.split()[0], *TYPED[line]

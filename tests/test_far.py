@@ -40,6 +40,7 @@ def measures(mesh):
 EVERY = pytest.mark.parametrize(("dim", "far"), [(dim, far) for dim in (2, 3) for far in FAR])
 
 
+@pytest.mark.rows("2-10000000.0", "3-1000.0")
 @EVERY
 def test_check(dim, far):
     there, here, shift = moved(dim, far)
@@ -53,6 +54,7 @@ def test_check(dim, far):
             np.testing.assert_allclose(g.where.box, np.array(f.where.box) + shift, rtol=1e-15)
 
 
+@pytest.mark.rows("2-1000.0")
 @pytest.mark.vtk
 @EVERY
 def test_quality(dim, far):
@@ -86,6 +88,7 @@ def test_a_picture_is_drawn_near_0(dim):
     np.testing.assert_allclose(np.ptp(b, axis=0), np.ptp(a, axis=0), atol=1e-12)
 
 
+@pytest.mark.rows("2-1e-06")
 @pytest.mark.parametrize("length", [1e-6, 1e3])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_units_of_length(dim, length):

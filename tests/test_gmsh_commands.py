@@ -259,6 +259,7 @@ def test_size_is_the_length_of_edges(files):
     assert mean_edge(mesh, "top") == pytest.approx(mean_edge(mesh_cad(files / "column.geo", order=1), "top"), rel=0.05)
 
 
+@pytest.mark.rows("4.0-2.0")
 @pytest.mark.parametrize(("h", "far"), [(1.5, 5.0), (4.0, 2.0)])
 def test_slave_faces_have_the_size_asked(h, far):
     """And cells that grow away from it, or shrink, where the slave's are the larger ones."""
@@ -274,6 +275,7 @@ def test_slave_faces_have_the_size_asked(h, far):
     assert (np.diff(steps) * (far - h) > 0).all()  # all the way
 
 
+@pytest.mark.slow
 def test_second_order_stands_on_the_geometry():
     mesh = mesh_cad(LUG, groups={"bore": tagged_as(13), "pin": tagged_as(15)}, size=5, order=2)
     assert set(mesh.cells_by_type) == {"TRIA6", "TETRA10"}

@@ -234,6 +234,7 @@ def test_a_model_that_is_missing_is_refused(gmsh, monkeypatch):
 # ---- the model cut
 
 
+@pytest.mark.rows("periodic", "discrete")
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 def test_a_model_is_the_mesh_of_its_file_and_its_cut_that_of_this_mesh(model, gmsh, tmp_path):
     """gmsh's own functions see the cut."""

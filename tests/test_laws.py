@@ -42,10 +42,27 @@ pytestmark = [
         "massless nodes change the inertia",
     )
 ]
-EVERY = pytest.mark.parametrize("name", PROBLEMS)
+#: problems that take the way of another through the code: `make test` asks for their answers, `make verify` every law
+ALIKE = {
+    "halved", "press 1", "press 2", "press 4", "dragged, smooth", "massless none", "massless slave",
+    "massless internal", "saint venant", "sector auto", "sector pyramid", "auto", "pyramid",
+}  # fmt: skip
 #: problems whose run finds an equilibrium
 SOLVABLE = [name for name in PROBLEMS if name != "given up"]
-SOLVED = pytest.mark.parametrize("name", SOLVABLE)
+EVERY = pytest.mark.parametrize("name", PROBLEMS)
+
+
+def slow(it_is):
+    """The marks of a row that is slow, or of one that is not."""
+    return [pytest.mark.slow] * it_is
+
+
+def each(names):
+    """Parameters of problems; those that are like another are slow."""
+    return pytest.mark.parametrize("name", [pytest.param(name, marks=slow(name in ALIKE)) for name in names])
+
+
+SOLVED = each(SOLVABLE)
 
 
 def ran(case, folder, mesh=None):
@@ -108,7 +125,7 @@ def assert_read(folder, solution):
             np.testing.assert_array_equal(getattr(read.contact[name], own)[order], getattr(zone, own))
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1])
+@each(name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1)
 def test_a_run_that_goes_on_is_one_that_did_not_stop(name, ran_once):
     """From the state after the first step, to the last bit."""
     done, states = ran_once(name), states_of(name)
@@ -132,7 +149,7 @@ def test_equilibrium_and_the_conditions_of_contact(name):
 NO_TANGENT = ("given up", "fields", "symmetric", "press 1", "press 2")
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in NO_TANGENT])
+@each(name for name in PROBLEMS if name not in NO_TANGENT)
 def test_the_tangent_is_the_difference_of_forces_and_of_gaps(name):
     """At the last state, along a motion of all unknowns: a smooth one where skins are paired anew, without a kink."""
     problem, states = Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh()), states_of(name)
@@ -263,7 +280,7 @@ def in_units():
     """Each problem in all other units at once, up or down by turns; `make verify` has the other way, and one by one."""
     for k, name in enumerate(SOLVABLE):
         for j, units in enumerate(UNITS):
-            yield pytest.param(name, units, marks=[pytest.mark.slow] * (j != k % 2))
+            yield pytest.param(name, units, marks=slow(j != k % 2 or name in ALIKE))
 
 
 @pytest.mark.parametrize(("name", "units"), [*in_units()])
@@ -288,7 +305,7 @@ def turns(name):
 APART = ("given up", "dragged in space")
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in APART and turns(name)])
+@each(name for name in PROBLEMS if name not in APART and turns(name))
 def test_turned(name):
     problem = PROBLEMS[name]
     check_in(name, case_in(problem, turned_world(problem)), turned_world(problem), iterations=False)

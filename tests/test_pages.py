@@ -144,6 +144,7 @@ def cells_of(path, kind):
     return ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == kind]
 
 
+@pytest.mark.rows("first_pressure")
 @pytest.mark.vtk
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_a_notebook_runs_and_shows_tables_and_a_picture(path, fresh):

@@ -82,6 +82,7 @@ def same_sign_as_parents(mesh, cut):
     assert (properties.volumes(cut.mesh)[children] * properties.volumes(mesh)[parents] > 0).all()
 
 
+@pytest.mark.rows("ssnp150c", "ssnv219e")
 @pytest.mark.shared
 @pytest.mark.gmsh
 @pytest.mark.medcoupling
@@ -105,6 +106,7 @@ def test_cuts_of_code_aster_meshes_are_recognised(shared, name):
             same(cut, recognise(without_records(cut.mesh), slave))
 
 
+@pytest.mark.rows("1-1-2", "1-1-3")
 @pytest.mark.fuzz
 @pytest.mark.gmsh
 @pytest.mark.medcoupling

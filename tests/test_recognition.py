@@ -41,6 +41,25 @@ def same(cut, found):
 # ---- what we cut
 
 
+@pytest.mark.rows(
+    "TRIA3-1-pyramid",
+    "TRIA6-2-pyramid",
+    "TRIA7-0-pyramid",
+    "QUAD4-3-pyramid",
+    "QUAD8-0-pyramid",
+    "QUAD9-0-pyramid",
+    "TETRA4-1-pyramid",
+    "TETRA10-1-pyramid",
+    "HEXA8-0-hexa",
+    "HEXA20-1-hexa",
+    "HEXA27-5-pyramid",
+    "PENTA6-1-pyramid",
+    "PENTA15-0-pyramid",
+    "PENTA18-0-pyramid",
+    "PYRAM5-1-pyramid",
+    "PYRAM13-3-pyramid",
+    "PYRAM14-4-pyramid",
+)
 @pytest.mark.fuzz
 @pytest.mark.parametrize(("name", "j", "variant"), CASES)
 def test_one_slave_face(name, j, variant):
@@ -56,6 +75,7 @@ def test_several_slave_faces_of_one_cell(name, variant):
         same(cut, recognise(without_records(cut.mesh), "slave"))
 
 
+@pytest.mark.rows("4-3-1", "5-2-2")
 @pytest.mark.fuzz
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("dim", [2, 3])

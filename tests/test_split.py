@@ -63,6 +63,7 @@ def plain_sides(mesh, keys):
     return keys, {n: count(keys, n) - count((), n) + 1 for n in nodes}
 
 
+@pytest.mark.rows("0-3-1", "3-3-1")
 @pytest.mark.filterwarnings("ignore:.*stay closed")
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("dim", [2, 3])
@@ -315,6 +316,7 @@ def test_faces_that_cannot_open_stay_closed():
 # ---- files and the command
 
 
+@pytest.mark.rows(".mail", ".xdmf")
 @pytest.mark.parametrize("suffix", [".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf"])
 def test_the_command_writes_every_format(suffix, tmp_path, capsys):
     source, target = tmp_path / "in.msh", tmp_path / f"out{suffix}"

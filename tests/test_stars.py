@@ -35,6 +35,17 @@ def parts(cut):
     return {frozenset(middle[face] for face in faces.tolist()) for faces in cut.faces_of_macro}
 
 
+@pytest.mark.rows(
+    "TETRA4-0.12",
+    "PENTA6-0.0",
+    "HEXA8-0.12",
+    "PYRAM5-0.12",
+    "TETRA10-0.12",
+    "PENTA15-0.0",
+    "PENTA18-0.12",
+    "HEXA27-0.0",
+    "PYRAM14-0.0",
+)
 @pytest.mark.parametrize("distortion", [0.0, 0.12])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_macro_element_owns_a_dof_and_the_mesh_is_as_it_was(kind, distortion):
@@ -134,6 +145,7 @@ def test_the_partition_is_the_same_compiled_and_as_it_stands(monkeypatch):
     assert np.array_equal(find_stars(mesh, skin.faces, skin.zone[skin.first]).macro, found.macro)
 
 
+@pytest.mark.rows("TETRA4-True", "HEXA8-False", "PENTA6-True", "TETRA10-False")
 @pytest.mark.parametrize("tie", [False, True])
 @pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6", "TETRA10"])
 def test_a_press_of_two_blocks_is_uniform(kind, tie):

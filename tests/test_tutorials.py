@@ -116,10 +116,10 @@ def test_the_page_is_the_script(tutorials, page):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("gmsh_script", marks=drawn),
+        pytest.param("gmsh_script", marks=slow),
         pytest.param("own_mesh", marks=drawn),
         pytest.param("from_calculix", marks=pytest.mark.calculix),
-        "own_solver",
+        pytest.param("own_solver", marks=pytest.mark.slow),
         pytest.param("p0_mortar", marks=pytest.mark.slow),
         pytest.param("bolt_script", marks=slow),
         pytest.param("pin_in_lug", marks=slow),

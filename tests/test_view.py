@@ -177,6 +177,7 @@ def test_a_cutaway_leaves_half_whatever_the_length_of_a_direction():
         np.testing.assert_allclose(drawing.eye((scale, 0, scale)), [np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=1e-3)
 
 
+@pytest.mark.rows("size0-eye3", "size1-eye2")
 @pytest.mark.parametrize("eye", [(1, -1.6, 0.9), (0, 0, 1), (0, 0, -3), (0, 1, 0)])
 @pytest.mark.parametrize("size", [(1600, 1000), (400, 900)])
 def test_everything_is_inside_the_frame(eye, size):
@@ -243,6 +244,7 @@ def test_cells_are_coloured_by_a_value_and_invalid_ones_are_red():
 # ---- pictures
 
 
+@pytest.mark.slow
 def test_pictures_have_their_size_and_colours_and_are_twice_the_same(tmp_path, capsys):
     from PIL import Image
 

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# What `make test` runs: install both environments side by side, then run the linters and, by the command that is given,
-# the tests. Meanwhile the tests of several processes run, so that no core waits for a rank that waits for another; what
-# they print follows at the end. Where PETSc takes another user or system, they are skipped, and this is said.
+# What `make test` runs: install both environments side by side, then compile kernels beside the linters, then run the
+# tests by the command that is given. Meanwhile the tests of several processes run, so that no core waits for a rank that
+# waits for another; what they print follows at the end. Where PETSc takes another user or system, they are skipped, and
+# this is said.
 set -euo pipefail
 
 petsc=petsc
 bash tools/system.sh petsc || { [ $? = 1 ] || exit 2; petsc=; }
-make --no-print-directory -j 2 install $petsc
+make --no-print-directory -j 2 install lint $petsc
 
 if [ "$petsc" ]; then
   several=.venv-petsc/tests.txt
@@ -18,7 +19,7 @@ collect() { # Python compiles the tests here, once; otherwise each process that 
   .venv/bin/pytest --collect-only -qq >.venv/tests.txt || { cat .venv/tests.txt && return 1; }
 }
 status=0
-make --no-print-directory lint && collect && env LACMESH_ALL=1 "$@" || status=$?
+collect && env LACMESH_ALL=1 "$@" || status=$?
 
 if [ "$petsc" ]; then
   wait $! || status=$?

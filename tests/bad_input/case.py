@@ -11,6 +11,7 @@ import io
 import os
 import re
 import signal
+import sys
 import tempfile
 import time
 import warnings
@@ -18,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 from lacmesh.cli import main
 
@@ -180,9 +182,18 @@ def room(n_bytes):
     return _limit("RLIMIT_AS", now + n_bytes if now else None)
 
 
+@contextlib.contextmanager
 def small_files(n_bytes):
-    """Limit the size of every file in bytes, as if the disk were full; None for no limit."""
-    return _limit("RLIMIT_FSIZE", n_bytes)
+    """Limit the size of every file in bytes, as if the disk were full; None for no limit.
+
+    Meanwhile this process and those that it starts keep no module that they compile: a part would pass for the whole.
+    """
+    if n_bytes is None:
+        yield
+        return
+    limit, here = _limit("RLIMIT_FSIZE", n_bytes), patch.object(sys, "dont_write_bytecode", True)
+    with limit, here, patch.dict(os.environ, PYTHONDONTWRITEBYTECODE="1"):
+        yield
 
 
 @contextlib.contextmanager

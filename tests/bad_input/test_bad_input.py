@@ -142,10 +142,17 @@ def test_stopped(stage, number, tmp_path):
         assert (folder / output).with_suffix(".h5").exists() == output.endswith(".xdmf")
 
 
+def test_python_keeps_no_part_of_a_module_where_the_disk_is_full(tmp_path):
+    (tmp_path / "long.py").write_text("x = 1\n" * 100)
+    with case.small_files(50):
+        subprocess.run([sys.executable, "-c", "import long"], cwd=tmp_path, check=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["long.py"]
+
+
 def in_process(args, folder, file_size):
-    """`lacmesh` as it is installed, with a limit of the files that it writes."""
+    """`lacmesh` as it is installed, with a limit of the files that it writes; then Python keeps no compiled modules."""
     limit = None if file_size is None else lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
-    args = [sys.executable, "-m", "lacmesh", *args]
+    args = [sys.executable, *(["-B"] if limit else []), "-m", "lacmesh", *args]
     return subprocess.run(args, cwd=folder, capture_output=True, text=True, preexec_fn=limit)
 
 

@@ -123,6 +123,7 @@ def test_a_stray_node_does_not_bring_the_others_together():
     assert "coincident-nodes" not in check(replace(mesh, points=points), "slave", "master").rules
 
 
+@pytest.mark.slow
 def test_thousands_of_nodes_at_one_place():
     n = 4000
     turn = np.linspace(0, 1, n + 1)[:-1] * 0.5 * np.pi
@@ -202,6 +203,7 @@ def bolted():
     ).only("body", "head", "flange", "floor", "base")
 
 
+@pytest.mark.slow
 def test_each_pair_is_examined_by_itself():
     """With both masters at once the head is whole, with a gap up to 0.5; alone 7 of its 10 faces have a master."""
     mesh = bolted()

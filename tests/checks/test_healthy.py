@@ -115,6 +115,7 @@ IN_SHAPES = [(name, shape) for name in SOLID for shape in SHAPES if shape is not
 IN_SHAPES += [(name, torus) for name in ("HEXA8", "TETRA10", "HEXA20", "PENTA6", "PYRAM13")]
 
 
+@pytest.mark.rows("HEXA20-turned", "PENTA18-dome")
 @pytest.mark.parametrize(("name", "shape"), each_option(IN_SHAPES, of=lambda row: [row[0], row[1].__name__]))
 def test_bodies_of_other_shapes(name, shape):
     n, m, gap, reach, held, ends = SHAPES[shape]

@@ -44,6 +44,7 @@ def again(tmp_path, mesh, version="4.1", binary=True):
     return msh.read(path)
 
 
+@pytest.mark.rows("4.1-False", "2.2-True")
 @pytest.mark.fuzz
 @kinds
 @some
@@ -109,6 +110,7 @@ def test_gmsh_reads_what_we_write(gmsh, tmp_path_factory, version, binary, mesh)
     assert not seen["groups"]
 
 
+@pytest.mark.rows("2-0-1-2.2-True", "1-3-0-4.1-True", "1-3-0-2.2-False")
 @pytest.mark.gmsh
 @kinds
 @pytest.mark.parametrize(("order", "parts", "save_all"), [(1, 0, 0), (2, 0, 1), (1, 3, 0)])
@@ -326,6 +328,7 @@ def test_older_versions(tmp_path):
     assert mesh.cell_data["entity"].tolist() == [[2, 1], [2, 1], [-1, -1]]
 
 
+@pytest.mark.rows("True")
 @pytest.mark.parametrize("binary", [False, True])
 def test_elements_that_alternate_and_change_tags(tmp_path, binary):
     """Rows of many lengths in a random order come back as they were (the walk and the gallop meet)."""

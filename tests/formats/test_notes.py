@@ -58,6 +58,7 @@ def same(before, after):
     assert all(now.mesh.cell_data[n].dtype.kind == "i" for n in CELL_RECORDS)
 
 
+@pytest.mark.rows("mail-", "inp-all_cells")
 @pytest.mark.parametrize(("row", "options"), WAYS, ids=[f"{row.form}-{'-'.join(map(str, o))}" for row, o in WAYS])
 def test_every_family_by_formats_without_fields(row, options, tmp_path):
     tried = set()

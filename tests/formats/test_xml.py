@@ -250,6 +250,7 @@ def _claimed(compressor, expand, n):
 EXPANDABLE = {"ZLib": zlib.compress, "LZMA": lzma.compress}
 
 
+@pytest.mark.rows("connectivity-ZLib", "T-ZLib")
 @pytest.mark.parametrize("compressor", EXPANDABLE)
 @pytest.mark.parametrize("place", ["Points", "connectivity", "offsets", "types", "T"])
 def test_no_array_is_expanded_beyond_its_size(compressor, place, tmp_path):

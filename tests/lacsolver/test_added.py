@@ -183,6 +183,7 @@ class Viscous:
         return False
 
 
+@pytest.mark.rows("reference")
 @pytest.mark.parametrize("geometry", ["reference", "current"])
 def test_a_block_sinks_onto_another(geometry):
     """It sinks as a rigid body by f t / c, until the other one carries all its load."""

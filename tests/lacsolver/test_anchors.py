@@ -68,6 +68,7 @@ def error(case, slip_at, x):
     return np.abs(slip_at(x).D_T @ v[:, : case.dim].ravel() - want).max() / np.abs(want).max()
 
 
+@pytest.mark.rows("('QUAD4', 'QUAD8', 2)-current-master")
 @pytest.mark.parametrize("pair, measure, normals", each_option(OPTIONS), ids=str)
 def test_the_derivative(pair, measure, normals):
     """Anchors in a state that is far from theirs; there S is 0."""
@@ -99,6 +100,7 @@ def rotation(dim, angle):
     return np.eye(3) - np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
 
 
+@pytest.mark.rows("('TRIA6', 'QUAD8', 2)-smooth", "('HEXA8', 'TETRA4', 3)-faces")
 @pytest.mark.parametrize("pair, surface", list(itertools.product(PAIRS, ("faces", "smooth"))), ids=str)
 def test_where_the_anchors_are_slip_is_that_of_the_rows(pair, surface):
     """Along normals of faces and of smooth surfaces over them, tractions do the work that their slip asks for."""
@@ -121,6 +123,7 @@ def test_ten_cycles_end_where_they_began(pair):
     np.testing.assert_allclose(case.slip(states[0], anchors).S[sticks], case.slip(states[0]).S[sticks], atol=1e-16)
 
 
+@pytest.mark.rows("('QUAD4', 'TRIA3', 2)-facet", "('HEXA8', 'TETRA4', 3)-master")
 @pytest.mark.parametrize("pair, normals", each_option(itertools.product(PAIRS, NORMALS)), ids=str)
 def test_without_anchors_slip_is_that_since_the_last_state(pair, normals):
     """Points without anchors are objective too, and their slip is to first order what the anchors would have said."""
@@ -163,6 +166,7 @@ def test_the_derivative_without_anchors_has_moving_edges(pair, margin):
 CUT = [(kind, 2, "pyramid") for kind in PLANE_KINDS] + [(kind, 3, way) for kind in SOLID_KINDS for way in ways(kind)]
 
 
+@pytest.mark.rows("TRIA6-2-pyramid", "HEXA8-3-hexa")
 @pytest.mark.parametrize("kind, dim, way", CUT)
 def test_halves_and_quarters_make_one_row_a_macro_element(kind, dim, way):
     """Each face's share (1, 1/2 or 1/4) and the sum over the nodes that carry it give B, the master's side included."""

@@ -81,6 +81,7 @@ def test_stiffness_equals_its_plain_twin(name, model, law):
     assert abs(K - twin).max() < 2e-14 * abs(twin).max()
 
 
+@pytest.mark.rows("1-plane_strain", "2-full-plane_stress")
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
 @pytest.mark.usefixtures("every_thread")
 def test_two_materials_in_a_mixture(order, model):
@@ -318,6 +319,7 @@ def rows(kind):
 CUTS = [(kind, how) for kind in BLOCK_TYPES for how in rows(kind)]
 
 
+@pytest.mark.rows("TRIA3-", "HEXA8-hexa = hexa")
 @pytest.mark.parametrize(("kind", "how"), CUTS, ids=lambda v: v.strip().replace('"', ""))
 def test_mass_moves_and_stays_as_much(kind, how):
     """Total mass to round-off, none at massless nodes, positive definite at others. Nodes that the cut made are found.

@@ -210,6 +210,7 @@ def test_what_is_no_case_is_told_by_what_it_is(tmp_path, capsys, command):
         assert str(path) in line and said in line
 
 
+@pytest.mark.rows("50", "480")
 @pytest.mark.parametrize("depth", [50, 200, 300, 320, 330, 340, 400, 480, 600])
 def test_depth_is_no_crash(depth):
     """Deep nesting is refused with an error both where tomllib still reads it and where it gives up."""

@@ -100,6 +100,7 @@ def test_the_summary_of_a_ring_has_an_axial_force_and_no_moment(printed):
     assert "resultant, t = 1 pressure top: axial -" in text and radial != axial
 
 
+@pytest.mark.slow
 def test_a_log_has_a_line_for_each_step_and_nothing_that_moves(folder):
     """Output of a batch job: no terminal, standard output and error in one file."""
     case(FRICTION + "[steps]\ncount = 3\n")

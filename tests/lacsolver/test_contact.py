@@ -114,6 +114,7 @@ def test_a_clearance_may_change_with_time(clearance):
         check_uniform(problem, state, YOUNG * 0.01 * state.time / 2)
 
 
+@pytest.mark.rows("warm0-1.0-QUAD8-QUAD4-axisymmetric", "warm1-0.5-QUAD9-TRIA6-plane_stress")
 @EACH_PAIR
 @pytest.mark.parametrize("warm, share", [({}, 1.0), ({"groups": ["upper"]}, 0.5)])
 def test_thermal_strain_presses_blocks_together(slave, master, model, warm, share):
@@ -239,6 +240,7 @@ def test_some_that_are_stuck_among_others_that_are_not():
 REVERSED = {"HEXA8": [1, 0, 3, 2, 5, 4, 7, 6], "QUAD4": [1, 0, 3, 2]}
 
 
+@pytest.mark.rows("facet")
 @pytest.mark.parametrize("normals", ["facet", "smoothed"])
 def test_warped_faces_converge_and_mirrored_ones_answer_mirrored(normals):
     """Fifteen slave faces, warped by 0.01 (z - 0.4)^2 at most, over six flat master faces."""
@@ -263,6 +265,7 @@ def test_warped_faces_converge_and_mirrored_ones_answer_mirrored(normals):
 # ---- direction of contact: that of a plane master, where faces of the slave are at an angle to it
 
 
+@pytest.mark.rows("0.9-6")
 @pytest.mark.parametrize("friction, n", [(0.5, 8), (0.9, 6)])
 def test_a_block_that_slides_on_a_table_is_held_back_by_mu(friction, n):
     """Coulomb: where all slides the quotient of the forces is the coefficient, though the last face tilts.
@@ -323,6 +326,7 @@ def outside(H):
     return [linear(side, H) for side in sides]
 
 
+@pytest.mark.rows("QUAD8-TRIA6-2-pyramid", "PENTA6 quadrangle-HEXA8-3-pyramid")
 @pytest.mark.parametrize("slave, master, dim, way", _PAIRS)
 def test_a_tie_carries_any_uniform_stress(slave, master, dim, way):
     """The patch test of ties: A x on the whole outside, the uniform stress of A inside, its traction on the slave."""
@@ -403,6 +407,7 @@ def turning(angle, kind, shear=0.0, gap=0.5, **traction):
     return case_of(mesh, law, *records, model=MODELS[mesh.space_dim], kinematics="finite")
 
 
+@pytest.mark.rows("QUAD4-0.0")
 @pytest.mark.parametrize("gap", [0.0, 0.5])
 @pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
 def test_a_tie_turns_with_its_bodies(kind, gap):
@@ -483,6 +488,7 @@ def divided(kind, seed, wide=2):
 SOFT = Material(young=100.0, poisson=0.3)
 
 
+@pytest.mark.rows("TRIA3-0", "QUAD4-0")
 @pytest.mark.filterwarnings("ignore:.*:lacmesh.errors.LacmeshWarning")
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", samples((0,), range(4)))
@@ -498,6 +504,7 @@ def test_a_tie_is_the_whole_body_under_uniform_strain(kind, seed):
     np.testing.assert_allclose(solution.u[used], solution.mesh.points[used, :d] @ H.T, rtol=0, atol=1e-10)
 
 
+@pytest.mark.rows("QUAD4", "TETRA4")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_section_without_a_shortening_is_the_whole_body_under_any_load(kind):
     mesh = divided(kind, 5, 3)

@@ -116,6 +116,7 @@ PLANE = {"model": "plane_strain", **FINITE}
 MODEL = {2: PLANE, 3: FINITE}
 
 
+@pytest.mark.rows("facet-2")
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("normals", ["facet", "smoothed"])
 def test_a_plate_that_is_pressed_in_and_turned(dim, normals):
@@ -136,6 +137,7 @@ def moment_about(x, centre, force):
     return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
 
 
+@pytest.mark.rows("0.0")
 @pytest.mark.parametrize("moment", [0.0, 4.0, 8.0])
 def test_a_plate_that_is_loaded_finds_its_place(moment):
     """Force and moment, free to turn and to sink: contact bears both, about the centre where it has come to."""
@@ -195,6 +197,7 @@ def test_a_block_settles_in_a_groove():
     assert all((zone.status == CONTACT).any() for zone in state.zones)
 
 
+@pytest.mark.slow
 def test_bilateral_contact_turns_with_its_masters():
     """A block that two walls at a right angle hold both ways: they turn about one point, and it goes with them."""
     turn = {"centre": [0.0, 0.0], "rotation": "pi / 2 * t"}
@@ -204,6 +207,7 @@ def test_bilateral_contact_turns_with_its_masters():
     assert np.abs(stresses(problem, state)).max() <= 1e-8 * YOUNG
 
 
+@pytest.mark.rows("3-current")
 @pytest.mark.parametrize(("dim", "measure"), [(2, "reference"), (3, "current")])
 def test_a_plate_goes_off_the_edge_and_comes_back(dim, measure):
     """Coverage falls to 0 macro-element by macro-element, which then press no more; back, all is as it was."""
@@ -272,6 +276,7 @@ def passes(problem, first, last):
 WALL = Rigid(group="master")
 
 
+@pytest.mark.rows("False-master-2", "True-slave-3")
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("wall", "slave"), [(False, "slave"), (False, "master"), (True, "slave")])
 def test_what_passes_a_skin_and_what_does_not(dim, wall, slave):
@@ -365,6 +370,7 @@ def test_a_block_that_is_pushed_through_is_an_error_that_says_so(kinematics):
         pushed(10.0, kinematics, max_halvings=0)
 
 
+@pytest.mark.slow
 def test_a_block_that_is_pushed_far_is_stopped_in_smaller_steps():
     """One step, whose end is beyond the plate: the contact is found on the way, and holds to the end."""
     one, fine = (pushed(GAP + 0.35, search_distance=0.2, count=count)[-1].zones[0].pressure for count in (1, 16))
@@ -377,6 +383,7 @@ def test_a_rigid_body_that_is_moved_through_is_an_error():
         list(march(problem_of(block_over_plate(), Rigid(group="plate"), Rigid(group="block", uy=-3.0))))
 
 
+@pytest.mark.rows("1")
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 5])
 def test_a_block_that_is_thrown_at_a_thin_plate_comes_back(count):
     """Any number of steps: the plate stops it, and gives it nearly the same impulse, that of 200 steps: 4.72."""

@@ -146,6 +146,7 @@ def beam(slave="QUAD4", master="QUAD8"):
     return replace(mesh, node_groups={"end": node})
 
 
+@pytest.mark.rows("TRIA6-QUAD4")
 @pytest.mark.parametrize("slave, master", [("QUAD4", "QUAD8"), ("TRIA6", "QUAD4")])
 def test_a_beam_on_a_foundation_lifts_its_ends(slave, master):
     """Pressed in the middle by a hundred times its weight: contact shrinks to the middle, by several sets.
@@ -219,6 +220,7 @@ def test_blocks_on_soft_springs(number, tolerance):
 ROCKING = ("small_all", "small_v0.0005", "finite_all", "finite_count")
 
 
+@pytest.mark.rows("small_v0.0005-slave")
 @pytest.mark.parametrize(("case", "normals"), [*((case, "slave") for case in ROCKING), ("finite_count", "facet")])
 def test_a_block_that_rocks_on_one_macro_element(case, normals):
     """The contact force, which turns with its skin, rights the block: no second macro-element has to hold it.
@@ -236,6 +238,7 @@ def test_a_block_that_rocks_on_one_macro_element(case, normals):
 FACET, NEXT_GAP = 1.3 / 7, 0.00086217 - 0.00017245
 
 
+@pytest.mark.rows("small_v0.0005-0.0-2000.0", "finite_all-0.02-2e4")
 @pytest.mark.parametrize(
     ("case", "eccentricity", "young"),
     [

@@ -52,6 +52,7 @@ def solution(now, reduction=0.0, active=None):
     return found, solve_rows(K, found.rows, active, now.f, found.G, np.zeros(len(now.f)), np.zeros(m), goal)
 
 
+@pytest.mark.rows("False")
 @pytest.mark.parametrize("free", [False, True])
 def test_as_with_a_factor_and_with_few_cycles(free):
     """Results agree with those of a factor, with not many more cycles than K alone needs."""

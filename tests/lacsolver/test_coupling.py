@@ -126,6 +126,7 @@ def test_the_tangent_of_rows_of_a_point_that_turns():
 # ---- bodies that are moved and loaded
 
 
+@pytest.mark.rows("small-QUAD8", "finite-TETRA10")
 @pytest.mark.parametrize("cell", ["QUAD4", "QUAD8", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"])
 @EITHER
 def test_a_body_pulled_by_a_coupling_strains_as_under_tractions(cell, kinematics):
@@ -138,6 +139,7 @@ def test_a_body_pulled_by_a_coupling_strains_as_under_tractions(cell, kinematics
     np.testing.assert_allclose(figures.couplings[side].moment, 0, atol=1e-11)
 
 
+@pytest.mark.rows("HEXA8-1.1-1")
 @pytest.mark.parametrize(
     "cell, angle, count",
     each_option(
@@ -243,6 +245,7 @@ def test_a_rotation_that_an_equation_holds_already_has_no_moment():
     np.testing.assert_allclose(second.moment, 0.0, rtol=0, atol=1e-9 * abs(first.force[2]))
 
 
+@pytest.mark.rows("distributing-2.0", "rigid-6.283185307179586")
 @pytest.mark.parametrize("kind, theta", [("distributing", 2.0), ("distributing", 2 * np.pi), ("rigid", 2 * np.pi)])
 def test_a_beam_is_bent_the_way_that_is_prescribed(kind, theta):
     """One step leads where many do: not half a turn short of it, and not back to the straight beam at a full turn."""

@@ -76,6 +76,7 @@ def rotation(angle):
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+@pytest.mark.rows("QUAD4-small-6", "HEXA8-finite-6")
 @pytest.mark.parametrize(("cell", "kinematics", "count"), MATCHING)
 def test_a_sector_with_matching_sides_is_a_part_of_the_ring(cell, kinematics, count):
     dim, counts = 2 if is_flat(cell) else 3, counts_of(cell)
@@ -257,6 +258,7 @@ def cycles(monkeypatch):
     return counts
 
 
+@pytest.mark.rows("0.2")
 @pytest.mark.parametrize("skew", [0.0, 0.2])
 def test_multigrid_solves_a_sector(skew):
     records = sector("HEXA8", (3, 4, 3), 6, skew=skew), SIX, *loaded(3)

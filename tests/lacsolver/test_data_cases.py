@@ -69,6 +69,7 @@ def test_the_scripts_make_the_meshes_again(script, tmp_path):
 CASES = [*SLIDING.glob("*.toml"), *FRICTION.glob("*.toml"), IMPACT / "dropping_ball.toml"]
 
 
+@pytest.mark.rows("clamp", "cylinders", "dropping_ball")
 @pytest.mark.parametrize("case", sorted(CASES), ids=lambda path: path.stem)
 def test_cases_are_valid(case, capsys):
     assert case.with_suffix(".msh").is_file()
@@ -92,6 +93,7 @@ def copied(folder, path, *changes):
 # ---- sliding
 
 
+@pytest.mark.slow
 def test_the_ring_lies_down_on_the_block(tmp_path):
     """The first twelve steps: one contact, alike on both sides, in balance."""
     shorter = ("uy = -90.0", 'uy = "-90 * t"'), ("count = 20", "end = 0.6\ncount = 12")
@@ -172,6 +174,7 @@ def test_validate_tells_of_the_motion():
 # ---- friction
 
 
+@pytest.mark.slow
 def test_the_clamp_holds_until_friction_carries_no_more():
     zones = [state.contact["joint"] for state in ls.march(FRICTION / "clamp.toml")]
     sliding = [int((zone.status == 2).sum()) for zone in zones]
@@ -185,6 +188,7 @@ def test_the_clamp_holds_until_friction_carries_no_more():
     assert (np.diff(dissipation) >= 0).all() and dissipation[-1] > 0
 
 
+@pytest.mark.slow
 def test_cylinders_stick_where_cattaneo_and_mindlin_say():
     zone = ls.solve(FRICTION / "cylinders.toml").contact["line"]
     assert zone.pressure.max() == pytest.approx(9.351, rel=0.01)
@@ -213,6 +217,7 @@ def bolt_of(mesh):
     return sum(float(measure(kind, mesh.points[nodes]).sum()) for kind, _, nodes in mesh.select(mesh.cells_of("bolt")))
 
 
+@pytest.mark.slow
 def test_the_flange_is_valid_and_has_its_bolt_and_its_sides():
     case, mesh = ls.read_case(FLANGE / "flange.toml"), lacmesh.read(FLANGE / "flange.msh")
     assert validate(case).problems == []

@@ -62,6 +62,7 @@ def check(s, outcome, enforceable=None, equality=None):
     np.testing.assert_allclose(outcome.contact.G, s.G - s.B @ q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
 
 
+@pytest.mark.rows("none")
 @pytest.mark.fuzz
 @FROM_EVERY_START
 def test_random_problems_from_any_start(kind):
@@ -72,6 +73,7 @@ def test_random_problems_from_any_start(kind):
         assert len(outcome.residuals) <= 12
 
 
+@pytest.mark.rows("all")
 @FROM_EVERY_START
 def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
     for seed in range(20):
@@ -146,6 +148,7 @@ def floating(seed, stiff):
     return System((K + K.T) / 2, B, B, np.zeros((n, n)), np.ones(m), R, K @ q + B.T @ p, G + B @ q), p
 
 
+@pytest.mark.rows("1.0-all", "100000.0-none")
 @pytest.mark.fuzz
 @FROM_EVERY_START
 @pytest.mark.parametrize("stiff", [1.0, 1e5])

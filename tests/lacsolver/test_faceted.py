@@ -104,6 +104,7 @@ FITS = [
 ]
 
 
+@pytest.mark.rows("QUAD4-6-6-0.26-facet", "TRIA3-8-12-0.2-smoothed")
 @pytest.mark.parametrize(
     ("kind", "inner", "outer", "allowed", "normals"),
     each_option(
@@ -255,6 +256,7 @@ def fillet_case(*arguments):
     return case_of(mesh, ELASTIC, contact(), Pressure(group="around", value=1.0), *records, **keys)
 
 
+@pytest.mark.rows("offsets1", "offsets2")
 @pytest.mark.parametrize("offsets", [(0.0, 0.0), (0.3, 0.1), (0.5, 0.25), (0.7, 0.6)])
 def test_a_face_that_is_partly_a_plane(offsets):
     """Pressures were 0 to 2.6; twice as fine, 0 to 2."""

@@ -94,6 +94,7 @@ def linearised(materials):
     return replace(materials, laws=tuple(Elastic(*(getattr(law, n) for n in names)) for law in materials.laws))
 
 
+@pytest.mark.rows("TETRA4-3d-kirchhoff", "TRIA3-plane_strain-neo-hookean", "QUAD8-plane_stress-widens when pulled")
 @pytest.mark.parametrize(("name", "model", "law"), [*CASES, *EXTREME])
 def test_the_tangent_is_the_derivative_of_the_forces_which_are_that_of_the_energy(name, model, law):
     mesh = one_cell(name, 0.1 if CELLS[name].order == 1 else 0.05)
@@ -106,6 +107,7 @@ def test_the_tangent_is_the_derivative_of_the_forces_which_are_that_of_the_energ
     np.testing.assert_allclose(f, expected, rtol=0, atol=within * np.abs(f).max())
 
 
+@pytest.mark.rows("1-plane_stress", "1-axisymmetric")
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
 @pytest.mark.usefixtures("every_thread")
 def test_two_laws_in_a_mixture(order, model):
@@ -190,6 +192,7 @@ BARS = [
 ]
 
 
+@pytest.mark.rows("plane_strain-free13-neo-hookean-2.5-1.2", "axisymmetric-None-kirchhoff-1.3-1.0")
 @pytest.mark.parametrize("theta", [1.0, 1.2])
 @pytest.mark.parametrize("model, free, law, stretch", [*BARS, *(("axisymmetric", None, law, 1.3) for law in LAWS)])
 def test_a_bar_pulled_along_x_and_a_ring_widened(model, free, law, stretch, theta):

@@ -92,6 +92,7 @@ PATCHES = [
 ]
 
 
+@pytest.mark.rows("(2, 'QUAD4', 'TRIA3')-True", "(3, 'TETRA4', 'HEXA8')-False")
 @pytest.mark.parametrize(("pair", "slides"), each_option(itertools.product(PATCHES, (False, True))), ids=str)
 def test_patch(pair, slides):
     """Two blocks that do not match, tilted, under pressure and shear, sticking or sliding, are exact; either role."""
@@ -100,6 +101,7 @@ def test_patch(pair, slides):
     assert meets_its_figures(friction_patch.solve_case(given, levels=1))
 
 
+@pytest.mark.rows("False")
 @pytest.mark.parametrize("below", [True, False])
 def test_a_block_is_pulled_over_another(below):
     """1.2 of its length in 4 steps, either role: no step is halved, and T = mu N to round-off."""
@@ -131,6 +133,7 @@ def test_a_body_that_friction_alone_holds_aside_is_pressed_straight_down(slave, 
         assert pressure.min() > 0 and abs(pressure.mean() - 5.4) < 0.4
 
 
+@pytest.mark.slow
 def test_a_thrown_block_stops():
     """It slides v^2 / (2 mu g), then sticks, and friction takes its energy, which the account has in every step."""
     speed, g = 2.0, 10.0
@@ -150,6 +153,7 @@ def test_a_thrown_block_stops():
 PULSE = load("top", [[0, 0], [1, 6.8], [2, 0], [3, 0], [4, 6.8]]), Steps(times=[1.0, 2.0, 3.0, 4.0])
 
 
+@pytest.mark.rows("HEXA8-0.3-reference")
 @pytest.mark.parametrize(
     ("cell", "poisson", "geometry"),
     [("TETRA4", 0.3, "current"), ("TETRA4", 0.0, "current"), ("HEXA8", 0.3, "reference")],
@@ -167,6 +171,7 @@ def test_a_block_held_by_friction_alone_stays_where_it_is_without_a_load(cell, p
     assert not [one for one in recwarn if "nothing moves" in str(one.message)]
 
 
+@pytest.mark.rows("small")
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(kinematics):
     """It slides outwards and back by the same on all sides, as the model has two planes of symmetry."""
@@ -205,6 +210,7 @@ def pushed_in_space(fx, fy):
     )
 
 
+@pytest.mark.rows("<lambda>-1.5")
 @pytest.mark.parametrize(
     ("made", "asked"),
     [
@@ -248,6 +254,7 @@ def states_of(case):
     return problem, states, work
 
 
+@pytest.mark.rows("('plane_strain', 'reference')")
 @pytest.mark.parametrize("way", WAYS[:3], ids=str)
 def test_the_parts_are_those_of_the_states(way):
     problem, states, work = states_of(rubbed(*way))
@@ -261,6 +268,7 @@ def test_the_parts_are_those_of_the_states(way):
     assert own.external == pytest.approx(own.strain + own.dissipation + own.pressures + own.left, rel=1e-12)
 
 
+@pytest.mark.rows("finite")
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_springs_between_the_bodies_store_their_part(kinematics):
     """Springs between a node of each body, along a line and by axes: supports do as much more work as these store."""
@@ -287,6 +295,7 @@ def test_what_is_left_falls_with_the_steps():
     assert 3.5 < left[0] / left[1] < 4.5
 
 
+@pytest.mark.slow
 def test_too_long_steps_are_warned_of_once_at_the_end(tmp_path):
     """In four steps the ledger leaves over half."""
     for count, warned in ((4, 1), (128, 0)):
@@ -305,6 +314,7 @@ def test_too_long_steps_are_warned_of_once_at_the_end(tmp_path):
 # ---- files
 
 
+@pytest.mark.rows("3d-current")
 @pytest.mark.parametrize(("model", "geometry"), each_option(WAYS))
 def test_a_run_is_read_as_it_was_and_goes_on(tmp_path, model, geometry):
     case, last = rubbed(model, geometry), joint(model, geometry)
@@ -352,6 +362,7 @@ def test_bodies_that_meet_and_slide_in_one_step(tmp_path, gap, warned):
     assert len(told(case, tmp_path / "out", "friction of 'joint' depends on the way: ")) == warned
 
 
+@pytest.mark.rows("6.283185307179586-1")
 @pytest.mark.parametrize(("angle", "count"), [(0.4, 0), (1.0, 1), (2 * np.pi, 1)])
 def test_a_hub_that_turns_far_in_a_step_is_warned_of(tmp_path, angle, count):
     """Slip is the chord of the way: 4 % short at half a radian; a step that turns by more than a quarter is halved."""
@@ -406,6 +417,7 @@ def said_of_the_angle(tmp_path, shape, **options):
     return before, told(case, tmp_path / f"{len([*tmp_path.iterdir()])}", "at an angle")
 
 
+@pytest.mark.rows("round-options2-counts2", "round-options7-counts7", "round-options10-counts10")
 @pytest.mark.parametrize(
     ("shape", "options", "counts"),
     [

@@ -83,6 +83,7 @@ def solve(K, B, f, G, bounds, slip):
     return search(iterates, tolerance)
 
 
+@pytest.mark.rows("17", "18")
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", range(samples(20, 200)))
 def test_plane_is_as_lemke_finds_it(seed):
@@ -286,6 +287,7 @@ def seat(model, friction, geometry="reference", slave="round", **steps):
     return case_of(MESHES / "seat.msh", steel, joint, *held, Steps(max_halvings=0, **steps), model=model)
 
 
+@pytest.mark.rows("0.1-reference-round-plane_strain", "0.3-current-flank-plane_strain")
 @pytest.mark.parametrize("model", ["plane_strain", "axisymmetric"])
 @pytest.mark.parametrize(
     ("friction", "geometry", "slave"),

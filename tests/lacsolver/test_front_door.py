@@ -166,6 +166,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.rows("load", "support", "tie")
 @pytest.mark.parametrize("name", CHANGES)
 def test_whatever_is_changed_the_result_is_that_of_a_fresh_problem(name):
     few = stack("HEXA8", "TETRA4", 3, counts=(2, 2)).renamed(x0="symmetry_x", y0="symmetry_y")

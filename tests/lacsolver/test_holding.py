@@ -108,6 +108,7 @@ def test_how_little_contact_holds_a_body(tmp_path, slope, force, there, absent):
 # ---- a pin in a bore
 
 
+@pytest.mark.rows("small")
 @pytest.mark.parametrize("kinematics", LAWS)
 def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     """Its facets are rough by 1e-5 and it is pushed along: it may go, and turn in the bore, and nothing else."""
@@ -198,6 +199,7 @@ def test_a_cell_may_not_be_wound_around_a_point():
     assert row[0] == 1
 
 
+@pytest.mark.rows("2.5")
 @pytest.mark.parametrize("theta", (2.5, 3.1))
 def test_a_body_that_is_turned_at_once_is_not_folded(theta):
     """By 2.5 in two steps a corner changed places with its mid-side node, by 3.1 a cell was wound around a point."""

@@ -149,6 +149,7 @@ def test_contact_that_is_not_uniform(tmp_path, element):
     assert error(found, theirs) < 6e-3
 
 
+@pytest.mark.rows("5.0-status0")
 @pytest.mark.calculix
 @pytest.mark.parametrize(("coefficient", "status"), [(5.0, {1}), (0.1, {2})])
 def test_friction_that_is_not_uniform(tmp_path, coefficient, status):
@@ -182,6 +183,7 @@ def test_a_bent_metal_that_yields(tmp_path, metal):
     assert error(found, theirs) < 2e-3
 
 
+@pytest.mark.rows("force")
 @pytest.mark.calculix
 @pytest.mark.parametrize(
     "loads",
@@ -227,6 +229,7 @@ PUSH = "*DLOAD\nB, P2, 10.\n"
 STATIC = "*STEP\n*STATIC\n1., 1.\n*DLOAD\nB, P2, 4.\n*EL FILE\nENER\n*END STEP\n"
 
 
+@pytest.mark.rows("damping of the material", "a static step before")
 @pytest.mark.calculix
 @pytest.mark.parametrize(
     ("more", "before", "options", "procedure", "rel"),
@@ -251,6 +254,7 @@ def test_linear_motion(tmp_path, more, before, options, procedure, rel):
     assert np.abs(mine - theirs).max() < rel * np.abs(theirs).max()
 
 
+@pytest.mark.slow
 @pytest.mark.calculix
 def test_a_bar_hits_a_wall(tmp_path):
     """The free end moves as in CalculiX, and the wall takes the impulse 2 m v in both."""
@@ -287,6 +291,7 @@ def dragged(tmp_path_factory):
     return folder, np.array([step["time"] for step in steps]), np.array([step["reactions"]["W_Z0"] for step in steps])
 
 
+@pytest.mark.slow
 def test_a_foot_ends_in_the_middle(dragged):
     """Without friction the block pushes straight up, but for its slope and its faces: 1 %; in the middle exactly."""
     _, _, force = dragged

@@ -64,6 +64,7 @@ def check(name, others, world, *place, ones=None, allowed=EXACT, **keys):
     assert_same(ones, others, world, PLACED[name].mesh(), *place, allowed=allowed, **keys)
 
 
+@pytest.mark.rows("plane stress, smoothed, bodied, sprung-large", "held by contact and a coupling, finite-forces")
 @pytest.mark.parametrize(("name", "units"), each_option(itertools.product(HARD, UNITS)))
 def test_in_other_units(name, units):
     check(name, states_at(HARD[name], UNITS[units]), UNITS[units])
@@ -81,6 +82,7 @@ APART = {("rubbing in space", "turned"), ("rubbing in space", "mirrored"), ("bol
 WAYS = [row for row in itertools.product(HARD, ("turned", "mirrored")) if row not in APART]
 
 
+@pytest.mark.rows("bilateral-turned", "held by contact and a coupling, finite-mirrored")
 @pytest.mark.parametrize(("name", "way"), each_option(WAYS))
 def test_turned_and_mirrored_and_in_another_order(name, way):
     problem = HARD[name]
@@ -107,6 +109,7 @@ def options_of(row):
 ALONG = {"axisymmetric": [0.0, 1.0, 0.0], "3d": [1.0, -0.7, 0.4]}
 
 
+@pytest.mark.rows("plane strain-10000000.0", "searched-1000.0")
 @pytest.mark.parametrize(("name", "far"), each_option(itertools.product(PLACED, (1e7, 1e3)), of=options_of))
 def test_somewhere_else(name, far):
     """Compared with the model whose coordinates are rounded as they are there, where it stands."""
@@ -121,6 +124,7 @@ def test_somewhere_else(name, far):
 # ---- files of a model that is far away
 
 
+@pytest.mark.rows("vtu")
 @pytest.mark.parametrize("kind", ["vtu", "med"])
 def test_files_are_in_the_coordinates_of_the_mesh(tmp_path, kind):
     """The moment of contact forces is about the origin of the file, whose arms are long."""
@@ -279,6 +283,7 @@ RATIOS = [
 ]
 
 
+@pytest.mark.rows("hung-10000.0")
 @pytest.mark.parametrize(("name", "ratio"), each_option(RATIOS))
 def test_contacts_of_two_sizes_in_one_model(name, ratio):
     """Each is as in a model of its own, to the round-off of the coordinates of the small one."""

@@ -295,6 +295,7 @@ def test_a_negative_stiffness(backend):
     assert caught.value.dof >= good.shape[0]
 
 
+@pytest.mark.rows("rslab-300", "superlu-30")
 @pytest.mark.parametrize(("backend", "length"), each_option(itertools.product(DIRECT, (1000, 30, 300))))
 def test_a_slender_beam_is_regular_where_it_is_held_and_singular_where_not(backend, length):
     space, K = stiffness(cube("HEXA20", 0, (0, 0, 0), (length, 1, 1), (length, 1, 1)), "3d")

@@ -279,6 +279,7 @@ def test_blocks_and_entries_are_one_stiffness(floating):
     np.testing.assert_allclose(made.apply(made.solve(f)), f, atol=1e-11 * np.linalg.norm(f))
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_large_models_at_a_small_size():
     """It runs, its figures are what their names say."""
     found = large.measured(2500, "multigrid")

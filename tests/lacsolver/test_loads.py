@@ -100,6 +100,7 @@ def faces_of(row):
     return [*((facet.type, model) for facet in CELLS[name].facets), value]
 
 
+@pytest.mark.rows("QUAD4-axisymmetric-3.0", "QUAD8-plane_strain-varying")
 @pytest.mark.parametrize(
     ("name", "model", "value"),
     each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of),

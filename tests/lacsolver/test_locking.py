@@ -186,6 +186,7 @@ def without(space, law):
     return Materials.of(space, NeoHookean(law.young, law.poisson))
 
 
+@pytest.mark.rows("rubber-QUAD4-axisymmetric", "soft-PYRAM5-3d")
 @TAKES_IT
 @pytest.mark.parametrize(("law", "theta"), [(RUBBER, 1.0), (WARM, 1.0), (WARM, 1.2)], ids=["rubber", "soft", "warm"])
 def test_forces_equal_their_twin_and_the_tangent_is_their_derivative(name, model, law, theta):
@@ -336,6 +337,7 @@ def warned(folder, case):
     return said
 
 
+@pytest.mark.rows("plane_strain-0.69", "axisymmetric-0.75")
 @pytest.mark.parametrize(("model", "stretch"), each_option(itertools.product(SIDES, (0.75, 0.69, 0.5))))
 def test_a_body_that_is_pressed(model, stretch, tmp_path):
     rubber = replace(CRUSHED, law="neo_hookean")

@@ -44,6 +44,7 @@ RATES = [
 ]
 
 
+@pytest.mark.rows("QUAD8-4-2-consistent-3.6", "TETRA4-3-3-consistent-1.7")
 @pytest.mark.parametrize(("name", "n", "dim", "mass", "rate"), RATES)
 def test_frequencies_converge_at_rates_two_and_four(name, n, dim, mass, rate):
     """The first mode of a body on rollers: a standing transverse wave, curl of sin(pi x) sin(pi y).

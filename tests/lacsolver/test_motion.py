@@ -75,6 +75,7 @@ def impact(kind, n, cfl=0.5, **dynamics):
     return motions, np.array([s.zones[0].pressure / (DENSITY * SPEED * V) - 1 for s in inside]), states
 
 
+@pytest.mark.slow
 def test_a_bar_hits_a_rigid_wall():
     """The exact solution: p = rho c v for a time 2 L / c, then the bar flies back as it came."""
     energy = 0.5 * DENSITY * V**2 * WIDTH
@@ -89,6 +90,7 @@ def test_a_bar_hits_a_rigid_wall():
     assert errors[1] < errors[0] / 3
 
 
+@pytest.mark.slow
 def test_the_energy_that_opening_makes_is_bounded():
     """At most a quarter of (c dt / h)^2 h / L, by chance of the time in the step at which the bar leaves the wall.
 
@@ -174,6 +176,7 @@ ACCOUNTS = {
 }
 
 
+@pytest.mark.rows("free wall", "heated")
 @pytest.mark.parametrize("name", ACCOUNTS)
 def test_the_account_of_energy_closes(name):
     """Kinetic + strain - external + damped + contact + numerical is 0 in every step, the impact among them."""
@@ -187,6 +190,7 @@ def test_the_account_of_energy_closes(name):
         np.testing.assert_allclose(change, given, atol=1e-9 * np.abs(motions[0].linear).max())
 
 
+@pytest.mark.rows("small")
 @pytest.mark.parametrize("law", [SMALL, LARGE], ids=["small", "finite"])
 def test_a_run_goes_on_to_the_last_bit(law):
     given = BAR, ls.Dynamics(rayleigh=[0.1, 0.0]), HITS, ls.Steps(end=0.24, count=12)
@@ -239,6 +243,7 @@ def test_a_preload_without_support_is_told_before_the_run():
     assert found.motion is not None
 
 
+@pytest.mark.rows("skins-1-take smaller steps")
 @pytest.mark.parametrize(
     ("massless", "count", "said"),
     [("none", 50, 'take massless = "skins", or smaller steps'), ("skins", 1, "take smaller steps"), ("skins", 50, "")],
@@ -307,6 +312,7 @@ def test_multigrid_takes_a_hierarchy_of_its_own_for_each_size_of_steps():
     assert np.abs(u - right).max() < 1e-9 * np.abs(right).max()
 
 
+@pytest.mark.slow
 def test_a_step_in_contact_takes_at_most_one_and_a_half_elastic_solves():
     """The benchmark of impacts by multigrid at a small size: V-cycles of a step in contact against an elastic solve."""
     found = benchmark.measured(9, 20)

@@ -247,6 +247,7 @@ def whole_fields(space):
     return Fields(1.0, np.zeros((n, space.dim)), np.ones((n, space.model.n_stress)), np.zeros((n, space.dim)), {})
 
 
+@pytest.mark.rows("PYRAM14", "TRIA3")
 @pytest.mark.vtk
 @pytest.mark.filterwarnings("ignore:6 PYRAM14 are written as PYRAM13")
 @pytest.mark.parametrize("name", [*SOLIDS, *PLANES])
@@ -282,6 +283,7 @@ def expected(run, time):
     return arrays
 
 
+@pytest.mark.rows("plane_strain")
 @pytest.mark.medcoupling
 def test_medcoupling_reads_every_field_at_every_time(in_med):
     (said,) = ask("say", in_med.folder / "results.med").values()

@@ -81,6 +81,7 @@ def inside(folder):
 # ---- when
 
 
+@pytest.mark.rows("output1-due1-in_the_end1-None-vtu", "output2-due2-in_the_end2-states2-vtu")
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize(
     ("output", "due", "in_the_end", "states"),

@@ -86,6 +86,7 @@ def moved(case):
 # ---- nodes that are adjusted
 
 
+@pytest.mark.rows("HEXA8-TETRA4-pyramid", "QUAD4-TRIA3-hexa")
 @pytest.mark.parametrize(
     ("slave", "master", "hexa"), each_option(KINDS, of=lambda row: [CELLS[row[0].split()[0]].family, row[2]])
 )
@@ -103,6 +104,7 @@ def test_a_wavy_gap_is_closed_exactly(slave, master, hexa):
         np.testing.assert_allclose(here, there, atol=1e-12)
 
 
+@pytest.mark.rows("TETRA10-ways1")
 @pytest.mark.parametrize(("slave", "ways"), [("HEXA8", (-1.0, 1.0)), ("TETRA10", (1.0,))])
 def test_finite_kinematics_start_unstrained(slave, ways):
     """Columns under large strain, that overlapped or were apart, are those of a mesh that is flat from the start."""
@@ -130,6 +132,7 @@ def test_figures_of_the_adjustment(tmp_path):
     assert written == zone.adjusted._asdict()
 
 
+@pytest.mark.rows("HEXA20-hexa", "TETRA10-pyramid")
 @pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
 @pytest.mark.parametrize("slave", ["HEXA8", "HEXA20", "TETRA10"])
 def test_a_mesh_that_was_cut_before(slave, hexa):
@@ -235,6 +238,7 @@ def test_a_block_in_a_corner(tilt):
     np.testing.assert_allclose(after.points[nodes_of(mesh, "side"), 0], -0.01, atol=1e-14)
 
 
+@pytest.mark.rows("TRIA3-TETRA4", "QUAD4-HEXA8")
 @pytest.mark.parametrize(
     "kind, solid",
     [("TRIA3", "TETRA4"), ("QUAD4", "HEXA8"), ("TRIA6", "TETRA10"), ("QUAD8", "HEXA20"), ("QUAD9", "HEXA27")],
@@ -306,6 +310,7 @@ def ran(case, folder):
     return results, written["contact"]["slave"], results.message
 
 
+@pytest.mark.rows("keys1-0.03-False-small", "keys3-0.04-True-small")
 @pytest.mark.parametrize("kinematics", ["small", pytest.param("finite", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("keys", "overlap", "doubted"),

@@ -39,6 +39,7 @@ def ours(tmp_path_factory):
     return answer(OURS, hertz(8), tmp_path_factory.mktemp("ours"))
 
 
+@pytest.mark.slow
 def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(ours):
     found = peers.errors(ours)
     assert set(found) == {"p_m", "recovered"}
@@ -46,6 +47,7 @@ def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(our
     assert ours["iterations"] <= 8
 
 
+@pytest.mark.slow
 @pytest.mark.calculix
 @pytest.mark.parametrize("code", CALCULIX, ids=["stiff", "soft"])
 def test_closer_than_calculix_on_the_same_mesh(code, ours, tmp_path):

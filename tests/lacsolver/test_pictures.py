@@ -207,6 +207,7 @@ def test_round_off_is_drawn_as_nothing_and_a_uniform_pressure_has_one_colour(she
 # ---- in space
 
 
+@pytest.mark.slow
 @pytest.mark.vtk
 def test_a_model_in_space_has_the_values_of_its_slave_faces_and_a_panel_a_polygon_for_each(pressed, tmp_path):
     from matplotlib.collections import PolyCollection
@@ -327,6 +328,7 @@ def test_a_ball_is_seen_from_two_sides(kind):
 # ---- requests
 
 
+@pytest.mark.slow
 def test_a_run_draws_and_says_so(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     put(blocks(), tmp_path)

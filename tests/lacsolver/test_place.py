@@ -106,6 +106,7 @@ def test_a_body_that_only_contact_holds(model):
     assert (own.model.stabilization.springs is None) == (model == "axisymmetric") and own.errors().max() <= EXACT
 
 
+@pytest.mark.rows("2d, prescribed-reference", "3d, free-current")
 @pytest.mark.parametrize("name, measure", each_option(itertools.product(BODIES, MEASURES)))
 def test_rigid_masters(name, measure):
     """Turned by 0.2 or so already where they are free to."""
@@ -151,6 +152,7 @@ FORESEEN = {
 }
 
 
+@pytest.mark.rows("prescribed rotation", "temperature")
 @pytest.mark.parametrize("name", FORESEEN)
 def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
     """From 10 times nearer, 100 times better; from where it is, the same."""

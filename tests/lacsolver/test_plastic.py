@@ -191,6 +191,7 @@ def uniaxial(strains):
 MOVES = ((0.0, 0.0), (1.0, 0.01), (2.0, 0.0085), (3.0, -0.01), (4.0, 0.015))
 
 
+@pytest.mark.rows("TETRA4-3d-small", "HEXA8-3d-finite", "TRIA3-plane_stress-small", "QUAD4-plane_stress-finite")
 @pytest.mark.filterwarnings("ignore:law = .plastic. makes:lacmesh.errors.LacmeshWarning")
 @pytest.mark.parametrize(
     ("name", "model", "kinematics"),
@@ -277,6 +278,7 @@ def test_an_attempt_that_fails_leaves_no_flow_behind():
         np.testing.assert_allclose(kept, wanted, rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_in_motion_the_energy_is_kept():
     """The flow takes what counts as damped, and the sum of all energies stays 0."""
     moving = Dynamics(), Initial(vy="0.5 * y")

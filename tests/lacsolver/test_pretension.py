@@ -67,6 +67,7 @@ def marched(case):
 LOCKED = [10.0, 15.0, 20.0, 30.0]
 
 
+@pytest.mark.rows("TRIA6", "QUAD4")
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in SHORTENED)) for kind in KINDS]
 )
@@ -77,6 +78,7 @@ def test_a_locked_bolt_between_clamped_columns(kind):
     np.testing.assert_allclose([bolt.shortening for bolt, _ in steps], 10 * (2 / E + 2 / E), rtol=1e-10)
 
 
+@pytest.mark.rows("TRIA6-False", "QUAD4-True")
 @pytest.mark.parametrize("kind, halves", each_option(itertools.product(SHORTENED, (False, True))))
 def test_a_bolt_shortened_by_a_length(kind, halves):
     """Forces are as with a lock, also with a section between meshes that do not match."""
@@ -178,6 +180,7 @@ def last(case):
     return problem, state, step_figures(problem, state).pretension["shank"]
 
 
+@pytest.mark.rows("QUAD9-True", "PENTA18-True")
 @pytest.mark.parametrize("kind, halves", each_option(itertools.product(KINDS, (False, True))))
 def test_moments_of_a_bent_bolt(kind, halves):
     """The section carries what acts beyond it: 5 along the bolt, 0.3 and 0.2 across it with an arm of 2."""

@@ -76,6 +76,7 @@ def fitted_rate(h, error):
     return np.polyfit(np.log(h), np.log(error), 1)[0]
 
 
+@pytest.mark.rows("QUAD4-pyramid", "HEXA8-hexa")
 @pytest.mark.parametrize(("name", "hexa"), SLAVES)
 def test_linear_pressure_is_met_and_a_smooth_one_is_of_second_order(name, hexa):
     """From exact means; and at nodes of the slave alone."""
@@ -223,6 +224,7 @@ def test_the_rim_is_also_where_the_master_ends():
 # ---- means that scatter
 
 
+@pytest.mark.rows("0.0-0.0-0.4")
 @pytest.mark.parametrize(("slope", "hill", "off"), [(0.0, 0.0, 0.4), (0.5, 0.0, 0.4), (0.0, 2.0, 0.52)])
 def test_means_that_scatter_have_no_parabola_of_their_own(slope, hill, off):
     """Even, linear or curved means that scatter: error at the nodes, also those of the rim, over the scatter."""

@@ -112,6 +112,7 @@ def assert_same(found, wanted, since=0.0):
 # ---- goes on
 
 
+@pytest.mark.rows("several")
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_a_run_goes_on_from_any_state_to_the_last_bit(ran, tmp_path, name):
     """Elsewhere and in the same folder; from the last state there is nothing left to do."""
@@ -137,6 +138,7 @@ def test_a_run_goes_on_from_any_state_to_the_last_bit(ran, tmp_path, name):
     assert on(whole, ran(name), tmp_path / "nothing").steps == ()
 
 
+@pytest.mark.slow
 def test_a_halved_step_stays_as_short(tmp_path):
     pressed = ELASTIC, SMOOTHED, FLOOR, Rigid(group="top", ux=0.0, uy="-0.04 * t")
     whole = case_of(punch(), *pressed, Steps(end=1.0, growth=1.0), Solver(max_iterations=4), model="plane_strain")
@@ -146,6 +148,7 @@ def test_a_halved_step_stays_as_short(tmp_path):
     assert then.steps[0].time == pytest.approx(times[1], rel=1e-12)
 
 
+@pytest.mark.rows("15-143-terminated")
 @pytest.mark.parametrize(
     ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
@@ -326,6 +329,7 @@ ALTERED = {
 }
 
 
+@pytest.mark.rows("nodes swapped", "zone renamed")
 @pytest.mark.parametrize("change", ALTERED)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32))

@@ -195,6 +195,7 @@ def test_a_half_turn_prescribed_in_space_keeps_the_body_as_it_is():
     assert constraints.turning(q, 0.5, np.ones(space.n_dof)) is None
 
 
+@pytest.mark.rows("0.1-plane_strain", "1.0-axisymmetric")
 @EACH_MODEL
 @pytest.mark.parametrize("size", [0.0, 0.1, 1.0])
 def test_the_map_of_a_loaded_body_and_its_derivatives(model, size):

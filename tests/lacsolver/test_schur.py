@@ -53,6 +53,7 @@ def held_by_cycles(s):
     return factorised(csr_array(s.K), s.R, backend="multigrid")
 
 
+@pytest.mark.rows("factor-1-free to move, two sets", "multigrid-3-held", "multigrid-4-free to move")
 @for_kinds
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("multigrid", [False, True], ids=["factor", "multigrid"])
@@ -156,6 +157,7 @@ def on_all_rows(now, *goals):
     return found, [solve_rows(now.reference, rows, every, now.f, found.G, start, rest, goal) for goal in goals]
 
 
+@pytest.mark.rows("False")
 @pytest.mark.parametrize("free", [False, True])
 def test_products_hardly_grow_with_the_mesh_and_the_ratio_of_stiffnesses(free):
     """A few to a tenth of the residual, some twenty to rounding, of pressures by the dozen and by the hundred.
@@ -227,6 +229,7 @@ def impact():
     return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01), "slave")))
 
 
+@pytest.mark.rows("dynamics")
 @pytest.mark.parametrize("made", [impact, lambda: static(50)], ids=["dynamics", "statics"])
 def test_a_step_in_contact_takes_at_most_three_applications(made):
     """One more for each row that closes for the first time; without columns it takes several times as many."""

@@ -171,11 +171,13 @@ def press_columns(keys, d=0.01, dim=3, law="elastic", tolerance=1e-10, backend="
         assert state.iterations <= (most or ITERATIONS[tolerance])
 
 
+@pytest.mark.rows("soft-current-1e-12", "stiff-reference-1e-10")
 @pytest.mark.parametrize("name, geometry, tolerance", each_option(product(CURVES, GEOMETRIES, ITERATIONS)))
 def test_columns_with_a_curve(name, geometry, tolerance):
     press_columns(CURVES[name] | {"geometry": geometry}, tolerance=tolerance)
 
 
+@pytest.mark.rows("spring 1e+09-reference-superlu")
 @pytest.mark.parametrize("name, geometry, backend", each_option(product(SPRINGS, GEOMETRIES, ["superlu", "multigrid"])))
 def test_columns_with_a_spring(name, geometry, backend):
     press_columns(SPRINGS[name] | {"geometry": geometry}, backend=backend)
@@ -248,6 +250,7 @@ TOES = {
 }
 
 
+@pytest.mark.rows("straight-finite", "toe without a slope-small")
 @pytest.mark.parametrize("name, kinematics", each_option(product(TOES, ("small", "finite"))))
 def test_a_block_comes_down_over_a_gap_and_again_after_it_was_let_go(name, kinematics):
     """Nothing but contact holds it down, and where the curve begins it has no slope."""
@@ -284,6 +287,7 @@ def motion_of(mesh, keys, kinematics, *records):
     return states, np.array([state.step.motion.energies for state in states])
 
 
+@pytest.mark.rows("keys0-small", "keys4-small")
 @pytest.mark.parametrize("keys, kinematics", each_option(product(FOUNDATIONS, ("small", "finite"))))
 def test_a_bar_bounces_and_contact_gives_back_what_it_stored(keys, kinematics):
     """No step is halved for it, and the account of energy raises no doubt."""
@@ -295,6 +299,7 @@ def test_a_bar_bounces_and_contact_gives_back_what_it_stored(keys, kinematics):
     assert np.abs(energies[:, CONTACT]).max() < 0.01 * start
 
 
+@pytest.mark.rows("small")
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_foundation_that_was_pressed_throws_the_bar(kinematics):
     """Energy stored by static steps is there when the motion starts, and becomes kinetic, with nothing added."""
@@ -328,6 +333,7 @@ def swung(times, kinematics="small", **dynamics):
     return np.array([s.time - 1 for s in states]), -np.array([s.zones[0].gap.mean() for s in states]), energies
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dynamics", [{}, pytest.param({"scheme": "newmark"}, marks=pytest.mark.slow)])
 def test_the_damped_oscillator(dynamics):
     """Overlaps are those of the exact damped oscillation, with errors that fall with the square of the step."""
@@ -338,12 +344,14 @@ def test_the_damped_oscillator(dynamics):
     assert errors[1] < 0.006 and errors[1] < errors[0] / 3.3
 
 
+@pytest.mark.slow
 def test_steps_of_unlike_sizes_keep_the_order():
     """Every third step is shorter: the rate of the overlap knows the steps' sizes."""
     t, overlap, _ = swung(np.cumsum([0.08 if k % 3 else 0.03 for k in range(60)]), scheme="newmark")
     assert np.abs(overlap - oscillator(t)[0]).max() / 0.05 < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.6, 3.0])
 def test_an_impact_loses_what_the_damper_takes(damping):
     """A bar strikes: restitution as of the oscillator until p = 0; it never pulls, and energy never grows."""

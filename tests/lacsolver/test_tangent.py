@@ -195,6 +195,7 @@ def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options, _):
         np.testing.assert_allclose(made.D @ motion.ravel(), 0, atol=1e-12 * size[1])
 
 
+@pytest.mark.rows("facet-TETRA4-HEXA8-3", "master-QUAD8-TRIA6-2")
 @pytest.mark.parametrize("slave, master, dim", [*ANY, ("mixed 2-full", "HEXA27", 3)])
 @pytest.mark.parametrize("normals", NORMALS)
 def test_b_is_the_derivative_of_the_gap_of_flat_skins_that_touch(slave, master, dim, normals):

@@ -260,6 +260,25 @@ def check(mesh, n, slave=("slave",), hexa="pyramid", everywhere=None):
 FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 
 
+@pytest.mark.rows(
+    "1-TRIA3-3",
+    "1-TRIA7-1",
+    "1-TETRA4-1",
+    "1-TETRA10-8",
+    "1-PENTA6-8",
+    "1-PENTA15-3",
+    "1-PENTA18-2",
+    "1-PYRAM5-1",
+    "1-PYRAM13-8",
+    "1-PYRAM14-3",
+    "2-TRIA6-2",
+    "2-QUAD4-8",
+    "2-QUAD8-3",
+    "2-QUAD9-2",
+    "2-HEXA8-3",
+    "2-HEXA20-2",
+    "2-HEXA27-1",
+)
 @pytest.mark.parametrize(("name", "n"), each_option(product(FAMILIES, (3, 2, 1, 8))))
 @pytest.mark.parametrize("owners", [1, 2])
 def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interfaces(name, n, owners):
@@ -267,6 +286,7 @@ def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interface
         check(with_slave(body(name, 2), owners), n, hexa=hexa)
 
 
+@pytest.mark.rows("2-full-pyramid")
 @pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
 def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
     """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
@@ -276,6 +296,7 @@ def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
     check(with_slave(mixture(order), 1, copies=3), 2, hexa=hexa)  # other cells on the slave faces are cut too
 
 
+@pytest.mark.rows("6", "10")
 @pytest.mark.filterwarnings("ignore:slave faces stand twice")
 @pytest.mark.parametrize("seed", range(12))
 def test_random_meshes(seed):

@@ -46,11 +46,13 @@ def check(mesh, n, folder, everywhere):
             assert differences(there, here) == []
 
 
+@pytest.mark.rows("1")
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_parts_read_are_those_of_the_whole_mesh(cut, n, tmp_path):
     check(cut, n, tmp_path, ("slave", "master"))
 
 
+@pytest.mark.rows("0", "1")
 @pytest.mark.parametrize("seed", range(6))
 def test_parts_of_random_meshes_are_those_of_the_whole_mesh(seed, tmp_path):
     rng = np.random.default_rng(seed)
@@ -156,6 +158,7 @@ def test_damage_is_reported_with_the_file(parts, place, value, message):
         read_part(parts, 2)
 
 
+@pytest.mark.rows("0", "13")
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_file_is_refused_or_read(seed, parts):
     """Bytes changed at the end, where the file has its structure, or the end cut off: no other exception."""

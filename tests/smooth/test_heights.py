@@ -20,7 +20,6 @@ from lacmesh.surface.maps import coefficients, slopes, values
 from lacmesh.surface.normals import smooth_normals, unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
-from tests.samples import each_option
 from tests.smooth import skins
 from tests.smooth.skins import KINDS, LEVEL, ROUND, along, block, chain, heights, rolled, skin_of, worst
 from tests.surface.surfaces import mapped, sheet, whole
@@ -65,6 +64,7 @@ def shared_normals(faces):
     return out / np.linalg.norm(out, axis=2, keepdims=True)
 
 
+@pytest.mark.rows("cylinder-TRIA3", "cone-QUAD4")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", ROUND)
 def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kind):
@@ -83,6 +83,7 @@ def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kin
     assert np.log2(errors[0] / errors[1]) / 2 > 3.5, errors
 
 
+@pytest.mark.rows("cylinder-QUAD4", "cone-TRIA3", "cone-mixed")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", ROUND)
 def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
@@ -92,7 +93,8 @@ def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
     assert errors[-1][0] < 0.02 * errors[-1][1]
 
 
-@pytest.mark.parametrize(("surface", "kind"), each_option(product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)))
+@pytest.mark.rows("waves-mixed")
+@pytest.mark.parametrize(("surface", "kind"), [*product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)])
 def test_heights_of_a_free_form(surface, kind):
     """O(h^3) inside, on meshes whose nodes stand anywhere; not much less at the rim, where fits are one-sided."""
     for rim, least, share in ((False, 2.6, 0.05), (True, 2.2, 0.15)):
@@ -216,6 +218,7 @@ def by_corners(faces):
     return ordered[rows], rows
 
 
+@pytest.mark.rows("HEXA8-pyramid", "PENTA6-pyramid", "TETRA4-pyramid", "PYRAM5-pyramid", "mixed-auto")
 @pytest.mark.parametrize(("kind", "hexa"), CUTS)
 def test_children_take_the_heights_of_their_parents(kind, hexa):
     mesh = block(kind)
@@ -309,6 +312,7 @@ def test_the_copies_of_slave_faces_have_parents_too():
 # ---- creases and rims
 
 
+@pytest.mark.slow
 def test_fits_do_not_reach_over_a_crease():
     """Two skins of free form that meet at right angles: what one is changes nothing of the other."""
     found = []
@@ -373,6 +377,7 @@ def turned_over(mesh):
     return Mesh.create(mesh.points * [-1, 1, 1], faces)
 
 
+@pytest.mark.rows("TRIA3-TRIA3-smoothed", "QUAD4-QUAD4-facet")
 @pytest.mark.parametrize("normals", ["facet", "smoothed"])
 @pytest.mark.parametrize(("slave", "master"), [*product(("TRIA3", "QUAD4"), repeat=2)])
 def test_a_mirror_image_has_the_same_gaps(slave, master, normals):

@@ -42,6 +42,7 @@ def names(mesh, **options):
     return sorted({one.shape for one in fit_surface(mesh, "skin", **options)})
 
 
+@pytest.mark.rows("plane-QUAD4-4", "cylinder-TRIA3-9")
 @pytest.mark.parametrize("n", [4, 9])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", EXACT)
@@ -82,6 +83,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.rows("plane-units", "cylinder-large")
 @pytest.mark.parametrize(
     "surface, change", each_option(itertools.product([*EXACT, skins.ellipsoid, skins.waves], CHANGES))
 )
@@ -339,6 +341,7 @@ def test_few_nodes_are_no_shape_and_fewer_have_no_fit(points, lacks):
     assert not lacks or "2 of them have too few" in check(mesh, "skin").of_rule("faceted")[0].message
 
 
+@pytest.mark.rows("4.0-False")
 @pytest.mark.gmsh
 @pytest.mark.parametrize(("size", "quads"), [(4.0, False), (2.0, False), (2.0, True)])
 def test_a_bore_its_fillet_and_the_planes_beside_it(size, quads):

@@ -177,6 +177,7 @@ def _holds(p, X):
     return ((q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) > 0).all(axis=1)
 
 
+@pytest.mark.rows("0", "1", "2")
 @pytest.mark.parametrize("code", range(len(DEGREE)))
 def test_rules_on_polygons_are_exact_to_their_degree(code):
     rng = np.random.default_rng(code)
@@ -358,6 +359,7 @@ def test_two_layers_of_many_faces_over_one_cost_no_more_than_a_few_times_one():
     assert two < 20 * one
 
 
+@pytest.mark.rows("QUAD4-0.0", "TRIA3-1e-07", "QUAD8-1e-15", "TRIA6-1e-11")
 @pytest.mark.parametrize("shift", [0.0, *(10.0**-k for k in range(15, 5, -1))])
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA3", "QUAD8", "TRIA6"])
 def test_meshes_that_coincide_or_nearly_do(kind, shift):

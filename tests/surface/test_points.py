@@ -25,6 +25,7 @@ def skin(mesh):
     return Surface.of(mesh, mesh.cell_groups["skin"])
 
 
+@pytest.mark.rows("TRIA3-QUAD4-0.0", "TRIA6-TRIA6-0.05", "TRIA7-TRIA3-0.0", "QUAD8-QUAD9-0.0")
 @pytest.mark.parametrize(
     ("slave_kind", "master_kind", "skew"),
     each_option(itertools.product(TYPES, TYPES, (0.05, 0.0, 0.2)), of=lambda row: [row[:2], row[1:], (row[0], row[2])]),
@@ -39,6 +40,7 @@ def test_flat_interfaces_are_integrated_exactly(slave_kind, master_kind, skew):
     assert np.abs(points.gap - 0.01).max() < 1e-14
 
 
+@pytest.mark.rows("pyramid-1-0.2", "hexa-2-full-0.0")
 @pytest.mark.parametrize("skew", [0.0, 0.05, 0.2])
 @pytest.mark.parametrize("order", KINDS)
 @pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
@@ -53,6 +55,7 @@ def test_cut_interfaces_are_integrated_exactly_in_either_role(hexa, order, skew)
     assert max(errors(contact_points(two, one), two, one)) < 1e-11
 
 
+@pytest.mark.rows("QUAD8-0", "QUAD9-1", "TRIA6-1", "TRIA7-1")
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", range(samples(2, 12)))
 @pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
@@ -245,6 +248,7 @@ def test_nodes_beyond_the_axis_of_an_axisymmetric_model(side):
     assert len(contact_points(*(whole(mapped(m, rounding)) for m in (slave, master)), axisymmetric=True))
 
 
+@pytest.mark.slow
 def test_smoothed_normals_where_many_faces_meet_cost_no_more():
     pole = 600
     angle = 2 * np.pi * np.arange(pole) / pole
@@ -347,6 +351,7 @@ def of_macros(points, slave, master, values):
     return out
 
 
+@pytest.mark.rows("QUAD4-facet")
 @pytest.mark.fuzz
 @pytest.mark.parametrize(
     "kind, normals", each_option(itertools.product(("mixed", "QUAD4", "TRIA3"), ("smoothed", "facet")))

@@ -125,6 +125,7 @@ HARM = {
 }  # fmt: skip
 
 
+@pytest.mark.rows("QUAD4-a child is turned", "QUAD4-a face is turned", "HEXA8-a child is turned")
 @pytest.mark.parametrize("name", HARM)
 def test_harm_is_counted(made, name):
     (before, cut), (harm, seen) = made, HARM[name]

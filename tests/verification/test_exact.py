@@ -123,6 +123,7 @@ def test_the_pressure_of_a_pin_carries_the_force(angle):
     assert not pin.pressure(t[t > np.radians(angle)]).any()
 
 
+@pytest.mark.slow
 def test_the_gap_of_a_pin_is_closed_where_there_is_pressure_and_open_beyond():
     t = np.radians(np.arange(0.0, 180.0, 5.0))
     n = around(1.0, t)
@@ -318,6 +319,7 @@ def values_of(texts, points):
     return np.stack([Value.of(text)(points, 1.0) for text in texts], axis=-1)
 
 
+@pytest.mark.rows("plane-law0")
 @LAWS
 def test_stress_and_body_force_are_those_of_the_law(given, law):
     """The body force is minus the divergence of stress, by differences of a polynomial of degree 10."""

@@ -81,6 +81,7 @@ def test_a_full_loop_is_the_load_that_grew_from_zero():
     np.testing.assert_allclose(once - back, 2 * once, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_dissipation_of_cylinders_is_the_work_on_the_way():
     """Sum over small steps of the load: mean shear stress times what slips more in the step."""
     s, w = np.polynomial.legendre.leggauss(200)
@@ -118,6 +119,7 @@ def test_half_spaces_under_tractions_are_in_equilibrium():
     assert np.abs(stress(outside)[:, 2]).max() < 2e-2 * np.abs(stress(outside)).max()  # free, to the step
 
 
+@pytest.mark.slow
 def test_half_spaces_carry_the_forces_of_their_tractions():
     """Stress on a half-sphere around the disc, on either side."""
     s, w = np.polynomial.legendre.leggauss(8)

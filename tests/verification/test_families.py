@@ -96,26 +96,31 @@ OVER_WAVES, HERTZ = Run("sliding", "waves_QUAD4_facet"), Run("hertz", "2d-QUAD8-
 CURVED = Run("curved", "cylinders-QUAD4-within", 2)
 BLOCK = Run("sliding", "block_QUAD4_facet", 1, THREE)
 RUNS = (
-    PLANE, SOLID, SKIN, PRESSED, WAVES, WARPED, OVER_WAVES, HERTZ, CURVED, BLOCK,
+    PLANE, SOLID, SKIN, PRESSED, WAVES, WARPED, OVER_WAVES, HERTZ._replace(marks=SLOW), CURVED, BLOCK,
     *(pairs("balance", name)._replace(marks=QUIET)
       for name in ("waves-smoothed-2d", "overhang-3d", "rigid-small-2d", "tie-gap-3d", "tower-small-3d")),
-    *(Run("cut", name) for name in ("TRIA", "QUAD", "TETRA", "mixed-2d", "counts")),
+    *(Run("cut", name) for name in ("TRIA", "QUAD", "mixed-2d", "counts")),
+    Run("cut", "TETRA", marks=SLOW),
     *(Run("inf-sup", name, 3) for name in ("QUAD4", "HEXA8", "QUAD9", "TRIA3-on-QUAD4")),
     Run("inf-sup", "HEXA8", 2),
-    *(Run("cut", f"{cell}-stars") for cell in ("TETRA4", "HEXA8")),
+    Run("cut", "TETRA4-stars", marks=SLOW),
+    Run("cut", "HEXA8-stars"),
     *(Run("inf-sup", f"{kind}-stars", 3) for kind in ("QUAD4", "HEXA8")),
     pairs("patch", "stars-tie-3d", 1)._replace(marks=QUIET),
     Run("sliding", "block_QUAD4_stars", 1, THREE),
-    *(Run("joints", name, 3) for name in ("yielding_sphere_quad4", "cyclic_plate", "first_yield_axisymmetric")),
+    *(Run("joints", name, 3, marks=SLOW) for name in ("yielding_sphere_quad4", "cyclic_plate")),
+    Run("joints", "first_yield_axisymmetric", 3),
     Run("manufactured", "QUAD4", 3),
     Run("press-fit", "spheres-QUAD8-smoothed", 3),
     *(Run("press-fit", f"ssnp173a-{name}") for name in ("TRIA6-facet", "TRIA6-smoothed", "QUAD8-smoothed")),
     *(Run("press-fit", one.name, levels_in(one, "quick"), marks=SLOW)
       for one in press_fit.FAMILY.cases if {"quick", "full"} <= set(one.levels)),
-    *(Run("sliding", name, 1, THREE)
-      for name in ("block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_QUAD4_smoothed", "waves_HEXA8_facet")),
-    *(Run("friction", name) for name in ("incline-below-TRIA3", "incline-above-TRIA3", "belt-180", "pull-out-below",
-                                         "torque-above", "dragged-QUAD4-upper")),
+    Run("sliding", "waves_QUAD4_smoothed", 1, THREE),
+    *(Run("sliding", name, 1, THREE, SLOW)
+      for name in ("block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_HEXA8_facet")),
+    *(Run("friction", name)
+      for name in ("incline-below-TRIA3", "incline-above-TRIA3", "belt-180", "pull-out-below", "torque-above")),
+    Run("friction", "dragged-QUAD4-upper", marks=SLOW),
     Run("friction", "crack-QUAD8", marks=QUIET),
     *(Run("friction", name, marks=REFERENCE) for name in ("ssnv128", "ssnp156a")),
     *(Run("friction", name, marks=SLOW)
@@ -159,11 +164,15 @@ SMALLER = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW * name.endswith("finite")) for name in SMALLER])
+LONGER = ("plane_block_1 3", "two leaves, finite", "three leaves, finite")
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW * (name in LONGER)) for name in SMALLER])
 def test_a_smaller_problem_meets_its_figures(name):
     assert missed(SMALLER[name](levels=1)) == set()
 
 
+@pytest.mark.rows("4-3", "15-1")
 @pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")  # of stiff plates with fine faces
 @pytest.mark.parametrize("first, count", [(0, 3), (4, 3), (15, 1)])  # 15: tensions within the tolerance carry 1 %
 def test_random_stacks_have_an_equilibrium(first, count):
@@ -215,7 +224,9 @@ MUTANTS = [
 
 
 @pytest.mark.parametrize(
-    ("mutant", "run", "quantity"), MUTANTS, ids=[f"{m.__name__}-{run.case}-{name[:20]}" for m, run, name in MUTANTS]
+    ("mutant", "run", "quantity"),
+    each_option(MUTANTS, of=lambda row: [row[0].__name__]),
+    ids=[f"{m.__name__}-{run.case}-{name[:20]}" for m, run, name in MUTANTS],
 )
 def test_a_mutant_is_seen(mutant, run, quantity, monkeypatch):
     mutant(monkeypatch)
@@ -282,6 +293,7 @@ def test_manufactured_rows_are_those_of_the_reference(shared):
             np.testing.assert_allclose(eval(own, {}, points), eval(other, {}, points), rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_manufactured_row_has_the_rates_asked_for_and_plots(monkeypatch):
     quad4 = case("QUAD4", "manufactured")
     held = [result for result in quad4.solve(levels=3).results if result.bound == "at least"]
@@ -385,6 +397,7 @@ def test_errors_of_a_patch_are_seen_and_the_worst_stack_is_named(monkeypatch):
 # ---- curved skins and press fits
 
 
+@pytest.mark.rows("octants-HEXA8-around")
 @pytest.mark.parametrize("name", ["cylinders-TRIA3-within", "spheres-QUAD4-around", "octants-HEXA8-around"])
 def test_smooth_surfaces_are_as_good_as_the_true_gap_and_faces_are_not(name):
     given = case(name, "curved").solve.args[0]
@@ -393,6 +406,7 @@ def test_smooth_surfaces_are_as_good_as_the_true_gap_and_faces_are_not(name):
     assert (smooth.solved.zone.pressure > 0).all()
 
 
+@pytest.mark.rows("hertz-2d-QUAD4")
 @pytest.mark.parametrize("name", ["hertz-2d-QUAD4", "socket-3d-TETRA4"])
 def test_hertz_on_curved_skins_is_hertz_on_flat_ones_with_a_clearance(name):
     smooth, true = (curved.solution(case(name, "curved").solve.args[0], 0, gap) for gap in ("smooth", "true"))
@@ -441,6 +455,7 @@ def test_loads_and_times_of_cylinders():
         np.testing.assert_allclose(*shears, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_the_first_step_over_a_node_takes_more_iterations_where_the_lower_body_is_the_slave():
     outcome = case("dragged-QUAD8-lower", "friction").solve(levels=1)
     assert missed(outcome) <= {"iterations of a step of sliding, mean"}
@@ -485,6 +500,7 @@ def bank_problem(cell, dim, friction, severity, seed, told=None):
     return problem, bank.Condenser(problem, told or friction)
 
 
+@pytest.mark.rows("1.5-TRIA3")
 @pytest.mark.parametrize(("friction", "cell"), each_option(product((0.1, 0.6, 1.5), ("TRIA3", "QUAD8"))))
 def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
     own = bank.FrictionBank((cell,), 2)

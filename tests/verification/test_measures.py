@@ -41,6 +41,7 @@ def cube(kind, n):
     return block(kind, n, (0,) * CELLS[kind].dim, (1,) * CELLS[kind].dim)
 
 
+@pytest.mark.rows("TRIA7", "QUAD4")
 @pytest.mark.parametrize("kind", BLOCK_TYPES)
 def test_a_linear_field_has_no_error_no_field_has_all_of_it_and_interpolation_has_its_rate(kind):
     """u = exp, at nodes: order + 1. Also says that a block halves its cells."""
@@ -128,6 +129,7 @@ def test_the_constant_of_a_bubble_over_a_segment():
     assert constant(made, moving) == pytest.approx(2 / 3 / np.sqrt(square), rel=1e-12)
 
 
+@pytest.mark.rows("TRIA3", "QUAD4")
 @pytest.mark.parametrize("kind", inf_sup.ZERO)
 def test_a_checkerboard_on_an_uncut_skin_moves_nothing(kind):
     dim = CELLS[kind.split()[0]].dim
@@ -327,6 +329,7 @@ def test_a_difference_is_seen(alone, field):
     assert wrong.startswith({"sets": "macro-elements", "u": "displacement", "p": "pressure"}.get(field, field))
 
 
+@pytest.mark.rows("energies")
 @pytest.mark.parametrize("field", ["velocity", "energies"])
 def test_a_difference_of_a_motion_is_seen(field):
     (problem,) = problems(Free("wall"))

@@ -82,6 +82,7 @@ def skin(mesh, name):
     return np.concatenate([mesh.points[nodes].reshape(-1, 3) for _, _, nodes in mesh.select(mesh.cell_groups[name])])
 
 
+@pytest.mark.rows("bent 2 QUAD4", "octants HEXA27")
 @pytest.mark.parametrize("name", CONFORMING)
 def test_a_mesh_fills_its_place_and_its_cells_share_their_facets_or_have_them_in_a_side(name):
     make, *size = CONFORMING[name]
@@ -127,6 +128,7 @@ def test_a_stacks_block_turns_the_faces_that_it_is_named_by(dim, kind):
         assert faces == wanted and len(faces) == len(mixed) ** (name == "mixed")
 
 
+@pytest.mark.rows("TRIA3", "TRIA7")
 @pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
 def test_a_manufactured_row_can_be_cut_and_has_a_master_that_is_exact(row):
     given, mesh = row.solution, mesh_of(row, 0)

@@ -108,6 +108,7 @@ def test_what_is_done_is_not_done_again(prepared, folder):
     assert len(names) == len(set(names)) == 6
 
 
+@pytest.mark.rows("given")
 @pytest.mark.parametrize(
     "changed",
     [{"levels": 3}, {"digest": "of other sources"}, {"given": Given((0.5, 0.125))}],
@@ -349,6 +350,7 @@ def test_a_folder_that_is_no_run_has_its_status(tmp_path, capsys, words, content
     assert len(list(tmp_path.iterdir())) == (content is not None)
 
 
+@pytest.mark.rows("15-143")
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_stops_a_run_that_can_be_resumed(tmp_path, sent, status):
     prepared, folder = tmp_path / "prepared", tmp_path / "run"
