@@ -62,27 +62,26 @@ class ContactMatrices(Described):
     macro: Ints
     node: Ints
     mesh: Mesh
-    _interface: Interface | None = None
+    _interface: Interface
     _numbering: csr_array | None = None
 
     @property
     def B_T(self) -> csr_array | None:
         """Slip integrals along the tangents (m (d - 1), d n_nodes); None for a tie."""
-        if self._sheared is None or self._sheared.B_T is None or self._numbering is None:
-            return None if self._sheared is None else self._sheared.B_T
-        return csr_array(self._sheared.B_T @ self._numbering)
+        B_T = self._sheared.B_T
+        return B_T if B_T is None or self._numbering is None else csr_array(B_T @ self._numbering)
 
     @property
     def tangents(self) -> NDArray[np.floating] | None:
         """Mean tangents (m, d - 1, d); None for a tie."""
-        return None if self._sheared is None else self._sheared.frame
+        return self._sheared.frame
 
     @cached_property
-    def _sheared(self) -> Interface | None:
+    def _sheared(self) -> Interface:
+        """The interface with its tangential rows, which a tie does not have: its jump has d rows a macro-element."""
         face = self._interface
-        if face is None or face.B_T is not None or face.B.shape[0] != len(face.w):
-            return face if face is not None and face.B_T is not None else None
-        return with_shear(face)
+        is_tie = face.B.shape[0] != len(face.w)
+        return face if is_tie or face.B_T is not None else with_shear(face)
 
     def renumber(
         self,

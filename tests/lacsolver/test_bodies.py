@@ -16,7 +16,7 @@ from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem import loads
-from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes
+from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes, unheld
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, mixed, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
@@ -164,6 +164,14 @@ HELD = [
 @pytest.mark.parametrize("name, given, rigid, left", HELD)
 def test_what_is_left(name, given, rigid, left):
     assert check(*held(MESHES[name](), displacement=[Displacement(**row) for row in given], rigid=rigid)) == left
+
+
+def test_the_sentence_on_one_motion_has_its_place_and_that_on_several_has_none():
+    supports = {"group": "edge", **ALL}, {"at": (0, 0, 0), **ALL}
+    one, three = (free_motions(*held(MESHES["cube"](), displacement=[Displacement(**row)])) for row in supports)
+    assert "model: 'body' turns about an axis along z through (0, 0, 0.5); add" in unheld(one)
+    turns = ", ".join(f"turns about an axis along {axis}" for axis in "xyz")
+    assert f"model: 'body' {turns}; add" in unheld(three)
 
 
 @pytest.mark.parametrize("model", MODELS)

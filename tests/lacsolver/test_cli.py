@@ -168,15 +168,19 @@ def test_one_of_several_processes_is_refused(folder, monkeypatch, capsys, told, 
     """The command `run` only where the engine of several processes is not installed."""
     monkeypatch.setattr(ranks, "absence", lambda: "PETSc is not installed; type this")
     monkeypatch.setattr(ranks, "_PAUSE", 0)
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    threads = {"OMP_NUM_THREADS": "", "OPENBLAS_NUM_THREADS": "", "MKL_NUM_THREADS": "5"}
     for key, value in (told | threads).items():
         monkeypatch.setenv(key, value)
+    for key in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        monkeypatch.delenv(key)
     before = sorted(folder.iterdir())
     assert main(words.split()) == 2
     said = capsys.readouterr().err
     why = "PETSc is not installed; type this; else start one " if words.startswith("run") else "each would solve "
     assert said.startswith(f"lacsolver: error: 4 processes were started ({name}), and {why}")
     assert len(said.splitlines()) == 1 and sorted(folder.iterdir()) == before
+    if words.startswith("run"):  # one thread a process, but as many as the user asks for
+        assert [os.environ[key] for key in threads] == ["1", "1", "5"]
 
 
 @pytest.mark.parametrize(

@@ -141,9 +141,11 @@ def test_the_ring_is_written_for_paraview(tmp_path):
     assert len(apart) and np.abs(u[apart[:, 0]] - u[apart[:, 1]]).max() < 1e-12
 
 
-def test_sides_that_are_none_are_named():
-    with pytest.raises(CaseError, match=r"turned by 51.4286 degrees"):
-        Problem.of(made(sector("QUAD4", (3, 4), 6), replace(SIX, sectors=7)))
+@pytest.mark.parametrize(("counts", "sectors", "angle"), [((3, 4), 7, "51.4286"), ((1, 1), 4, "90")])
+def test_sides_that_are_none_are_named(counts, sectors, angle):
+    """Also where a side is one edge, of two nodes."""
+    with pytest.raises(CaseError, match=f"turned by {angle} degrees"):
+        Problem.of(made(sector("QUAD4", counts, 6), replace(SIX, sectors=sectors)))
 
 
 # ---- contact in a sector

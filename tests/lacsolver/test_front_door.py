@@ -13,11 +13,13 @@ from scipy.sparse.linalg import splu
 import lacmesh
 import lacsolver as ls
 from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError
+from lacsolver.case.errors import Issue
 from lacsolver.contact.laws import Bilateral, Unilateral
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.fields import state_fields
 from lacsolver.results.figures import step_figures
+from lacsolver.validation import Validation
 from tests.lacsolver.patch_meshes import stack
 from tests.problems import contact, fix, move
 from tests.properties import volumes
@@ -348,6 +350,13 @@ def test_steps_are_logged_and_in_a_log_each_step_is_a_line_or_a_bar(mesh, caplog
     monkeypatch.setattr("lacsolver.solution._shows_bars", lambda: True)
     ls.solve(case_of(), mesh, progress=True)
     assert "t = 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("count", "last"), [(0, "none"), (4, "mistake 4"), (6, "2 more")])
+def test_a_validation_shows_four_mistakes_and_the_number_of_others(mesh, count, last):
+    shown = repr(Validation(mesh, problems=[Issue(f"mistake {k}") for k in range(1, count + 1)])).splitlines()
+    *_, final = [line for line in shown if line.startswith("  problem")]
+    assert final.endswith(f" {last}") and sum("mistake" in line for line in shown) == min(count, 4)
 
 
 @pytest.mark.vtk

@@ -164,9 +164,14 @@ REFUSED = [
     ("*MPC\nBEAM, 1, 2\n", "", "MPC", "and not BEAM"),
     ("*MPC\nPLANE, 1, 1, 2, 3\n", "", "MPC", "are on one line, and define no plane"),
     ("*TRANSFORM, NSET=B_N\n1, 0, 0, 2, 0, 0\n", "", "TRANSFORM", "on one line with the origin"),
+    ("*TRANSFORM, NSET=B_N, TYPE=C\n0, 0, 1, 0, 0, 1\n", "", "TRANSFORM", "points of the axis are the same"),
     (SURFACES + "*COUPLING, REF NODE=1, SURFACE=TOP\n", "", "COUPLING", "followed by *KINEMATIC or *DISTRIBUTING"),
     ("*KINEMATIC\n1, 3\n", "", "KINEMATIC", "it belongs after *COUPLING"),
     ("*CYCLIC SYMMETRY MODEL, N=4\n0, 0, 0, 0, 0, 1\n", "", "CYCLIC SYMMETRY MODEL", "should follow *TIE"),
+    (
+        SURFACES + "*TIE, NAME=T, CYCLIC SYMMETRY\nTOP, LOW\n*CYCLIC SYMMETRY MODEL, N=4\n1, 0, 0, 1, 0, 0\n", "",
+        "CYCLIC SYMMETRY MODEL", "points of the axis are the same",
+    ),
     ("*SELECT CYCLIC SYMMETRY MODES, NMIN=0, NMAX=2\n", "", "SELECT CYCLIC SYMMETRY MODES", "nodal diameters"),
     ("*NODE\n99, 0, 0, 9\n*EQUATION\n2\n1, 1, 1., 99, 1, -1.\n", "", "EQUATION", "no solid element, and is free"),
     ("*PRE-TENSION SECTION, ELEMENT=2, NODE=99\n", "", "PRE-TENSION SECTION", "a bolt that is a beam"),
@@ -263,6 +268,13 @@ WHOLE = [
     ),
     (deck(OTHER, DYNAMIC + LOAD, "*DENSITY\n1.\n"), r"\*DYNAMIC: materials EL, SOFT have several dampings"),
     (PLANE + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"), r"\*CLOAD: a force has the directions 1 and 2"),
+    *(
+        (
+            f"{PLANE}*NSET, NSET=ALL\n1, 2, 3, 4\n*TRANSFORM, NSET=ALL\n{points}\n*BOUNDARY\n1, 2\n" + step(""),
+            r"\*BOUNDARY: the points of a \*TRANSFORM in a plane should have z = 0",
+        )
+        for points in ("1, 0, 1, 0, 1, 0", "1, 0, 0, 0, 1, 1")
+    ),
     (RING, r"\*DLOAD: gravity along the radius"),
     (INSTANCES, r"\*BOUNDARY: there are 2 instances of parts"),
     *(

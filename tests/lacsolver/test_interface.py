@@ -306,6 +306,16 @@ def test_every_layout_gives_the_same_gaps_and_slips(given):
         np.testing.assert_allclose(theirs.B_T @ v, pair.B_T @ u.ravel(), atol=1e-12)
 
 
+def test_slips_are_those_of_a_case_with_friction_and_a_tie_has_none(given):
+    _, pair = given
+    case = ls.read_case("data/two_blocks.toml")
+    (rubbed,) = ls.contact_matrices(replace(case, contact=[replace(case.contact[0], friction=0.3)])).values()
+    np.testing.assert_allclose((rubbed.B_T - pair.B_T).toarray(), 0, atol=1e-15)
+    np.testing.assert_allclose(rubbed.tangents, pair.tangents, atol=1e-15)
+    (tied,) = ls.contact_matrices(replace(case, contact=[], tie=[ls.Tie(slave="slave", master="master")])).values()
+    assert tied.B_T is None and tied.tangents is None
+
+
 def test_eliminated_unknowns_move_the_gaps(given):
     """Supports that are gone, one of them moved: the solution is that with all unknowns."""
     system, pair = given

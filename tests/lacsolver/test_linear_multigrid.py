@@ -117,6 +117,32 @@ def test_blocks_of_zeros_are_kept_and_change_nothing():
     np.testing.assert_allclose(K @ x, b, atol=1e-11 * np.linalg.norm(b))
 
 
+def test_a_matrix_without_blocks_has_one_unknown_at_each_node():
+    """A rod of springs, held at both ends, under an even load."""
+    n = 99
+    K = csr_array(diags_array([np.full(n, 2.0), np.full(n - 1, -1.0), np.full(n - 1, -1.0)], offsets=[0, 1, -1]))
+    k = np.arange(1, n + 1)
+    x = factorise(K, backend="multigrid").solve(np.ones(n))
+    np.testing.assert_allclose(x, k * (n + 1 - k) / 2, rtol=1e-9)
+
+
+def test_many_bodies_of_two_nodes_each_take_no_dense_matrix():
+    """Pairs of nodes have as many rigid motions together as unknowns: the level below is as large, with half the nodes.
+
+    Springs join the nodes of a pair, and softer ones hold each node.
+    """
+    rng, n_pairs = np.random.default_rng(0), 100
+    springs = rng.normal(size=(n_pairs, 3, 3))
+    joint = springs @ springs.transpose(0, 2, 1) + np.eye(3)
+    soft = [np.diag(held) for held in rng.uniform(1e-3, 1e-2, (n_pairs, 6))]
+    K = csr_array(block_diag([np.kron([[1, -1], [-1, 1]], A) + held for A, held in zip(joint, soft, strict=True)]))
+    x = rng.normal(size=(2 * n_pairs, 3))
+    modes = np.stack([m.ravel() for a in np.eye(3) for m in (np.broadcast_to(a, x.shape), np.cross(a, x))], axis=1)
+    factor, b = multigrid(K, modes), rng.normal(size=K.shape[0])
+    np.testing.assert_allclose(K @ factor.solve(b), b, atol=1e-10)
+    assert factor.n_iterations <= 10 and factor.coarse() is not None
+
+
 def test_without_modes_translations_serve():
     K, _ = held("hexahedra")
     b = np.ones(K.shape[0])

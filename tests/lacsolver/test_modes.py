@@ -161,10 +161,14 @@ def test_rows_closed_in_a_state_are_held():
     assert open_.frequencies[0] < closed.frequencies[1]
 
 
-def test_a_soft_contact_is_a_spring():
-    """A bar on a soft foundation: omega L / c tan(omega L / c) = k L / E, with k the stiffness of contact per area."""
+@pytest.mark.parametrize("given", [0.7, "0.7 * (1 + t)"])
+def test_a_soft_contact_is_a_spring(given):
+    """A bar on a soft foundation: omega L / c tan(omega L / c) = k L / E, with k the stiffness of contact per area.
+
+    That of time 0, where the bodies are undeformed.
+    """
     mesh, stiff = stack("QUAD8", "QUAD8", 2, counts=(3, 3), even=True), 0.7
-    soft = fix("lower", "xy"), *ROLLERS[:2], replace(CONTACT, type="bilateral", stiffness=stiff)
+    soft = fix("lower", "xy"), *ROLLERS[:2], replace(CONTACT, type="bilateral", stiffness=given)
     modes = modes_of(mesh, *soft, model="plane_stress", law=FLAT, count=1)
     z = brentq(lambda z: z * np.tan(z) - stiff / YOUNG, 1e-3, 1.5)
     assert modes.frequencies[0] == pytest.approx(z * np.sqrt(YOUNG / DENSITY) / (2 * np.pi), rel=1e-5)

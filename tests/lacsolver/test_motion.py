@@ -209,6 +209,7 @@ MISTAKES = [
     (lambda: [ls.Dynamics(alpha=0.5)], "dynamics.alpha is 0.5"),
     (lambda: [ls.Dynamics(scheme="newmark", alpha=0.1)], "dynamics.alpha means something only"),
     (lambda: [ls.Dynamics(scheme="newmark", gamma=0.4)], "dynamics.beta and gamma"),
+    (lambda: [ls.Dynamics(scheme="newmark", beta=0.2)], "dynamics.beta and gamma are 0.2 and 0.5"),
     (lambda: [ls.Dynamics(start=1.0)], "dynamics.start is 1"),
     (lambda: [ls.Dynamics(rayleigh=[1.0])], "dynamics.rayleigh"),
     (lambda: [ls.Initial(vx=1.0)], r"only with \[dynamics\]"),

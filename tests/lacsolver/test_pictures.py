@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import lacmesh
 import lacsolver as ls
@@ -23,6 +24,7 @@ from lacsolver.pictures.drawing import ContactPicture
 from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
+from lacsolver.pictures.plane import level_out
 from lacsolver.pictures.profiles import along
 from lacsolver.pictures.quantities import QUANTITIES, RESULT, STATES, ColourScale
 from lacsolver.pictures.skins import views_of
@@ -202,6 +204,16 @@ def test_round_off_is_drawn_as_nothing_and_a_uniform_pressure_has_one_colour(she
         assert ColourScale.of(QUANTITIES[name], [noise], Units()).high == 1.0
     small = replace(noise, gap=1e-9 * rows)
     np.testing.assert_array_equal(QUANTITIES["gap"].of(small), small.gap)
+
+
+def test_the_range_of_a_curve_is_widened_where_its_values_differ_by_round_off():
+    for values, widened in (([5.0, 5.0 + 1e-12, np.nan], True), ([5.0, 6.0, np.nan], False), ([np.nan] * 3, False)):
+        axes = Figure().subplots()
+        axes.plot(values)
+        before = axes.get_ylim()
+        level_out(axes, np.array(values))
+        assert (axes.get_ylim() != before) == widened
+        assert np.ptp(axes.get_ylim()) >= 4e-6 and (not widened or np.ptp(axes.get_ylim()) < 1e-5)
 
 
 # ---- in space

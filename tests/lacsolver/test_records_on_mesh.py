@@ -26,6 +26,7 @@ from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
+from tests.lacsolver.patch_meshes import stack as upright
 from tests.problem_meshes import plane
 from tests.problems import case_of, contact, fix, move
 from tests.samples import each_option
@@ -371,6 +372,16 @@ def test_each_rule_chooses_the_slave_and_says_why(rule):
     assert chosen(either(mesh, ("b", "a"), **keys), mesh) == found
     assert rule == "cut" or chosen(own, permuted(mesh, seed=1)[0]) == found
     assert chosen(own, replace(mesh, points=1e3 * mesh.points + np.array([5e5, -2e5, 0.0])))[0] == slave
+
+
+def test_faces_of_few_nodes_are_held_by_the_group_of_all_nodes_of_their_body():
+    """Both bodies are held, so that neither is freer: also where a skin has triangles beside quadrangles."""
+    mesh = upright("mixed", "HEXA8", 3, counts=(2, 2), slave_below=False).renamed(master="a", slave="b")
+    skin, nodes = mesh.cells_of("b"), mesh.nodes_on(mesh.cells_of("upper"))
+    assert {name for name, _, _ in mesh.select(skin)} == {"QUAD4", "TRIA3"}
+    joint, held = ls.Contact(surfaces=("a", "b")), (fix("lower", "xyz"), fix("nodes", "xyz"))
+    own = case_of(mesh, SOFT, joint, *held, model="3d")
+    assert "prescribed" not in chosen(own, replace(mesh, node_groups={"nodes": nodes}))[1]
 
 
 def test_the_more_convex_of_two_like_skins_is_the_slave():

@@ -195,6 +195,16 @@ def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options, _):
         np.testing.assert_allclose(made.D @ motion.ravel(), 0, atol=1e-12 * size[1])
 
 
+def test_a_traction_along_either_tangent_has_its_derivative_where_nothing_presses():
+    """Forces are linear in tractions: the derivative with both components is the sum of those with one of them."""
+    made = Deformed("TETRA4", "TETRA4", 3, {"friction": True}, counts=(2, 1))
+    motion = motion_of(made.face, made.face.slave, made.face.master, made.pairing, 3)
+    t, none = made.t.reshape(-1, 2), np.zeros(made.zone.n_macros)
+    K, first, second = (tangent(motion, none, (t * part).ravel()) for part in ([1, 1], [1, 0], [0, 1]))
+    assert min(np.abs(part).max() for part in (first, second)) > 1e-3 * np.abs(K).max()
+    assert np.abs(K - first - second).max() <= 1e-14 * np.abs(K).max()
+
+
 @pytest.mark.rows("facet-TETRA4-HEXA8-3", "master-QUAD8-TRIA6-2")
 @pytest.mark.parametrize("slave, master, dim", [*ANY, ("mixed 2-full", "HEXA27", 3)])
 @pytest.mark.parametrize("normals", NORMALS)

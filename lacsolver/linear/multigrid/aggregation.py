@@ -67,21 +67,16 @@ def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO, ne
     rows, levels = _Rows(K, modes, halo, team), list[Level]()
     unit = 1 / rows.mean_diagonal()
     while len(levels) < _LEVELS and (rows.halo is not NO_HALO or rows.n_nodes > _COARSEST):
-        coarsened = _coarsened(rows, unit, None if levels else near)
-        if coarsened is None:
-            break
-        level, rows = coarsened
+        level, rows = _coarsened(rows, unit, None if levels else near)
         levels.append(level)
     return Cycle(levels, rows.K.toarray() * unit, unit, team)
 
 
-def _coarsened(rows: _Rows, unit: float, near_nodes: csr_array | None) -> tuple[Level, _Rows] | None:
-    """Return a level, and the rows of the next coarser one; None if it would be as large and one process has all."""
+def _coarsened(rows: _Rows, unit: float, near_nodes: csr_array | None) -> tuple[Level, _Rows]:
+    """Return a level, and the rows of the next coarser one, which has fewer nodes."""
     K, modes, halo, team = rows
     inverse, largest = jacobi(K, team, halo)
     tentative, modes = _tentative(K, modes, near_nodes)
-    if halo is NO_HALO and tentative.shape[1] >= K.shape[0]:
-        return None
     near, coarse = halo.with_ghosts(tentative, halo.of_columns(tentative))
     P = _smoothed(K, tentative, near, inverse, _SMOOTHING / largest)
     del tentative, near  # memory is at its largest here

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from textwrap import indent
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from lacsolver import validation
 from lacsolver.case import read_case
 from lacsolver.distributed import launch
 from lacsolver.distributed.launch import Launch, absence, import_petsc, launched, petsc_folders
+from lacsolver.distributed.together import Report, StoppedError, together
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.distributed.mpi import ROOT, environment, in_ranks, own_lines, words
 
@@ -69,6 +72,19 @@ def test_an_engine_that_is_missing_is_named_with_the_line_to_type(tmp_path, monk
         assert [issue.message for issue in validation.validate(case).problems] == [told] * bool(told)
 
 
+@pytest.mark.parametrize(
+    ("started", "size", "words"),
+    [(4, 4, None), (4, 1, r"4 processes were started \(PMI_SIZE\), but not by"), (1, 4, "MPI has 4 processes")],
+)
+def test_mpi_has_as_many_processes_as_were_started(started, size, words, monkeypatch):
+    """Otherwise each process would take itself for the only one, or write the files of all."""
+    world = SimpleNamespace(size=size)
+    MPI = SimpleNamespace(Get_library_version=lambda: "MPICH 4", Is_initialized=lambda: True, COMM_WORLD=world)
+    monkeypatch.setattr(launch, "_loaded_mpi", lambda: MPI)
+    with nullcontext() if words is None else pytest.raises(RequestError, match=words):
+        assert launch.import_mpi({"PMI_SIZE": str(started)}) is MPI
+
+
 #: a petsc4py that does not fit: its files, and words of the message about it
 LIBRARY = "lib/PETSc.cpython-39-x86_64-linux-gnu.so"
 UNFIT = {
@@ -108,6 +124,19 @@ def test_a_petsc_that_does_not_fit_is_refused(what, tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.split(".")[0] == "petsc4py"]:
         del sys.modules[name]
     assert caught.value.status == 2
+
+
+@pytest.mark.parametrize("rank", [0, 1])
+def test_the_first_process_alone_prints_what_any_process_reports(rank):
+    """Warnings that it does not have itself, and the error, which ends all processes with one status."""
+    other = Report(("pivot 7",), 4, ("flat cells",))
+    world = SimpleNamespace(rank=rank, allgather=lambda own: [own, other], Barrier=list, Free=list)
+    world.Dup, world.Ibarrier = lambda: world, lambda: SimpleNamespace(Test=lambda: True)
+    said = []
+    terminal = SimpleNamespace(heard=[], say=said.extend, warn=said.append)
+    with pytest.raises(StoppedError) as caught, together(world, terminal):
+        pass
+    assert caught.value.status == 4 and said == ["rank 1: flat cells", "rank 1: pivot 7"] * (rank == 0)
 
 
 # ---- with PETSc
