@@ -120,8 +120,13 @@ def _moves(points: Floats, sides: Sequence[tuple[str, str]], random: np.random.G
     return moves
 
 
-def linear(points: Floats, kind: str, sides: Sequence[tuple[str, str]]) -> Mesh:
-    """Linear cells of a kind between corner points (a, .., d), and their faces on the sides."""
+def linear(
+    points: Floats, kind: str, sides: Sequence[tuple[str, str]], division: tuple[Sequence[Pattern], Ints] | None = None
+) -> Mesh:
+    """Linear cells of a kind between corner points (a, .., d), and their faces on the sides.
+
+    `division`: patterns, and the index of each box's pattern (k,), where they are not those of the kind.
+    """
     shape, dim = points.shape[:-1], points.shape[-1]
     number = np.arange(np.prod(shape)).reshape(shape)
     corners = (np.array(CELLS[("SEG2", "QUAD4", "HEXA8")[dim - 1]].reference) > 0).astype(int)
@@ -129,7 +134,7 @@ def linear(points: Floats, kind: str, sides: Sequence[tuple[str, str]]) -> Mesh:
         [number[tuple(slice(c, c + n - 1) for c, n in zip(own, shape, strict=True))].ravel() for own in corners], axis=1
     )
     place = np.stack(np.unravel_index(np.arange(len(boxes)), [n - 1 for n in shape]), axis=1)
-    x, rows = divided(points.reshape(-1, dim), boxes, *_patterns(kind, [n - 1 for n in shape], place))
+    x, rows = divided(points.reshape(-1, dim), boxes, *(division or _patterns(kind, [n - 1 for n in shape], place)))
     groups = {(name, "body"): nodes for name, nodes in rows.items()}
     for axis, names in enumerate(sides[:dim]):
         for end, side in zip((0, -1), names, strict=True):
@@ -197,7 +202,7 @@ def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Int
 
 
 def assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) -> Mesh:
-    """A mesh of the cells (k, n) of each type and group."""
+    """A mesh of the cells (k, n) of each type and group; those of the group "" are in none."""
     blocks: dict[str, list[Ints]] = defaultdict(list)
     for (kind, _), nodes in rows.items():
         blocks[kind].append(nodes)
@@ -208,7 +213,7 @@ def assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) ->
         groups[name].append(first[kind] + np.arange(len(nodes)))
         first[kind] += len(nodes)
     cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
-    named = {name: np.concatenate(own) for name, own in groups.items()}
+    named = {name: np.concatenate(own) for name, own in groups.items() if name}
     return Mesh.create(points, cells, space_dim=max(dim, 2), cell_groups=named)
 
 
