@@ -1,4 +1,4 @@
-"""Draw the cut two blocks: `python data/draw_two_blocks.py MESH PICTURE`. The upper body is lifted and tipped back."""
+"""Draw the cut two blocks: `python data/draw_two_blocks.py MESH PICTURE`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def main(source: str, target: str) -> None:
     """Draw the cut mesh in `source` into `target`."""
     mesh = lacmesh.read(source)
     title = f"two_blocks: each of the {lacmesh.Cut(mesh).n_macros} slave faces has become a macro-element"
-    picture(mesh, target, camera=(-1.0, -1.6, 1.1), tilt=95, explode=0.02, title=title)
+    picture(mesh, target, camera=(-1.0, -1.6, 1.1), title=title)
 
 
 if __name__ == "__main__":
