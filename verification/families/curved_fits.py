@@ -102,11 +102,11 @@ def cases() -> Iterator[tuple[str, str, Fitted, Mapping[str, int], float]]:
     """Cases of the curved press fits."""
     few, many = {"full": 4, "all": 5}, {"full": 3}
     shrunk = replace(_PLANE, outside=0.0, interference=0.02)
-    yield from _each(_IN_PLANE, Fitted(_PLANE), "cylinders", few, 3.0, "TRIA3")
-    yield from _each(_IN_PLANE, Fitted(shrunk), "shrunk", few, 3.0)
-    yield from _each(_IN_PLANE, Fitted(replace(_PLANE, shape="sphere")), "spheres", few, 3.0)
+    yield from _each(_IN_PLANE, Fitted(_PLANE), "cylinders", few, 10.0, "TRIA3")
+    yield from _each(_IN_PLANE, Fitted(shrunk), "shrunk", few, 10.0)
+    yield from _each(_IN_PLANE, Fitted(replace(_PLANE, shape="sphere")), "spheres", few, 10.0)
     yield from _each(_SOLIDS, Fitted(_SPACE), "octants", many, 15.0)
-    yield from _each(_IN_PLANE, _stretched(_PLANE, (1.4, 0.8)), "ellipses", few, 3.0, "QUAD4")
+    yield from _each(_IN_PLANE, _stretched(_PLANE, (1.4, 0.8)), "ellipses", few, 10.0, "QUAD4")
     yield from _each(_SOLIDS[:2], _stretched(_SPACE, (1.3, 1.0, 0.8)), "ellipsoids", many, 15.0)
 
 
