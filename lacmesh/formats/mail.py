@@ -98,7 +98,7 @@ class _Reader:
     """Sub-files of a file; `places`: that of each name among those of nodes, or of cells."""
 
     def __init__(self, source: SourceFile) -> None:
-        self.source, self.data = source, source.data
+        self.source, self.data = source, bytes(source.data)
         self.builder = MeshBuilder(source.path, rows_from=0)
         self.places: dict[str, dict[bytes, int]] = {"node": {}, "cell": {}}
 

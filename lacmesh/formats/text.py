@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import re
 import unicodedata
 import warnings
@@ -20,6 +21,8 @@ from lacmesh.mesh import Floats, Ints
 #: Separators become blanks; in real numbers, Fortran's exponents D become E.
 AS_INTEGERS = bytes.maketrans(b",\t", b"  ")
 AS_REALS = bytes.maketrans(b"Dd,\t", b"ee  ")
+#: a file smaller than this is read, a larger one is mapped
+_MAPPED = 1 << 20
 
 
 def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
@@ -179,14 +182,17 @@ class SourceFile:
     def __init__(self, path: Path, head: bytes = b"") -> None:
         """Open a file; `head`: its first bytes, if they are enough."""
         self.path, self.position, self.section_start, self.binary = path, 0, 0, False
-        with reading(path):
-            self.data = head or path.read_bytes()
+        self.data: bytes | mmap.mmap = head
+        if not head:
+            with reading(path), path.open("rb") as file:
+                large = path.stat().st_size > _MAPPED
+                self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if large else file.read()
         self.size = len(self.data)
 
     def error(self, message: str, at: int | None = None) -> ReadError:
         """Make the error for byte `at` (default: the start of the section)."""
         at = self.section_start if at is None else min(at, self.size)
-        line = self.data.count(b"\n", 0, at) + 1
+        line = self.data[:at].count(b"\n") + 1
         return ReadError(self.path, message, f"byte {at}" if self.binary else f"line {line}")
 
     def line(self) -> bytes:

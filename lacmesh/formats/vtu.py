@@ -61,7 +61,7 @@ DAMAGE = (ValueError, IndexError, OverflowError, MemoryError, zlib.error, lzma.L
 
 
 class _Document(NamedTuple):
-    """A VTU file: its root, order of bytes, type of headers, and its block of arrays (`base64`: as text)."""
+    """A VTU file: its root, order of bytes, type of headers; its block of arrays (`base64`: as text), their places."""
 
     path: Path
     root: XmlElement
@@ -69,6 +69,7 @@ class _Document(NamedTuple):
     header: np.dtype
     appended: memoryview
     base64: bool
+    offsets: list[int]
 
     def error(self, message: str, place: str | None = None) -> ReadError:
         """A ReadError about the file, at an element."""
@@ -96,13 +97,16 @@ class _Document(NamedTuple):
                 offset = self.whole_number(element, "offset")
                 if offset >= len(self.appended):
                     raise ValueError(f"offset {offset} is past the end")
-                encoded, in_base64 = self.appended[offset:], self.base64
+                content = self.appended[offset : next((at for at in self.offsets if at > offset), None)]
             elif form == "binary":
-                encoded, in_base64 = memoryview("".join((element.text or "").split()).encode("ascii")), True
+                content = memoryview("".join((element.text or "").split()).encode("ascii"))
             else:
                 raise ValueError(f"the format {form!r} is not known")
-            expand = self.root.get("compressor", "")
-            content = _decoded(encoded, in_base64, self.header, expand, None if most is None else most * dtype.itemsize)
+            if form == "binary" or self.base64:
+                parts = re.findall(rb"[^=]+=*", content)  # several where the header is encoded by itself
+                content = memoryview(b"".join(base64.b64decode(part, validate=True) for part in parts))
+            size = None if most is None else most * dtype.itemsize
+            content = _unpacked(content, self.header, self.root.get("compressor", ""), size)
             if len(content) % dtype.itemsize:
                 raise ValueError(f"{len(content)} bytes are no whole number of {dtype}")
             return np.frombuffer(content, dtype.newbyteorder(self.order)).astype(dtype)  # type: ignore[arg-type]
@@ -110,31 +114,23 @@ class _Document(NamedTuple):
             raise self.error(f"cannot be read ({error})", place) from None
 
 
-def _decoded(encoded: memoryview, in_base64: bool, header: np.dtype, compressor: str, most: int | None) -> bytes:
-    """Bytes of the array that starts where `encoded` does; `most`: of a compressed one. Raises one of DAMAGE."""
+def _unpacked(content: memoryview, header: np.dtype, compressor: str, most: int | None) -> memoryview:
+    """Values of an array, as bytes, that stand behind its header; `most`: of a compressed one. Raises one of DAMAGE."""
 
-    def chars(n: int) -> int:
-        return -(-n // 3) * 4 if in_base64 else n
-
-    def take(start: int, n: int) -> bytes:
-        """Return n bytes that are encoded from a position on."""
-        part = encoded[start : start + chars(n)]
-        return _complete(base64.b64decode(part, validate=True)[:n] if in_base64 else bytes(part), n)
+    def take(start: int, n: int) -> memoryview:
+        return _complete(content[start : start + n], n)
 
     size = header.itemsize
     if not compressor:
-        n = int(np.frombuffer(take(0, size), header)[0])
-        if in_base64 and n and b"=" not in bytes(encoded[: chars(size)]):
-            return take(0, size + n)[size:]
-        return take(chars(size), n)  # behind a header that is encoded by itself, or in no base64
+        return take(size, int(np.frombuffer(take(0, size), header)[0]))
     blocks, block, last = np.frombuffer(take(0, 3 * size), header).tolist()
-    if blocks * size > len(encoded):
+    if blocks * size > len(content):
         raise ValueError(f"{blocks} blocks are more than the file holds")
     claimed = (blocks - 1) * block + (last or block) if blocks else 0
     if most is not None and claimed > most:  # each byte may give a thousand
         raise ValueError(f"its header claims {claimed} bytes, where {most} should be")
     sizes = np.frombuffer(take(0, (3 + blocks) * size), header)[3:].tolist()
-    packed, start, parts = take(chars((3 + blocks) * size), sum(sizes)), 0, []
+    packed, start, parts = take((3 + blocks) * size, sum(sizes)), 0, list[bytes]()
     for n, wanted in zip(sizes, [*[block] * (blocks - 1), last or block], strict=False):
         unpacker: Any = zlib.decompressobj()
         if compressor == "vtkLZMADataCompressor":
@@ -143,10 +139,10 @@ def _decoded(encoded: memoryview, in_base64: bool, header: np.dtype, compressor:
             raise ValueError(f"the compressor {compressor} is not known")
         parts.append(_complete(unpacker.decompress(packed[start : start + n], wanted + 1), wanted))
         start += n
-    return b"".join(parts)
+    return memoryview(b"".join(parts))
 
 
-def _complete(content: bytes, n: int) -> bytes:
+def _complete(content: Any, n: int) -> Any:
     if len(content) != n:
         raise ValueError(f"{len(content)} bytes where {n} should be")
     return content
@@ -193,7 +189,8 @@ def _opened(path: Path) -> _Document:
     header = {"UInt32": "u4", "UInt64": "u8"}.get(root.get("header_type", "UInt32"))
     if order is None or header is None:
         raise ReadError(path, "has a byte_order or header_type that VTK does not know")
-    return _Document(path, root, order, np.dtype(order + header), appended, in_base64)
+    offsets = sorted(int(text) for one in root.iter("DataArray") if (text := one.get("offset", "")).isdecimal())
+    return _Document(path, root, order, np.dtype(order + header), appended, in_base64, offsets)
 
 
 def read(path: Path) -> Mesh:
