@@ -80,9 +80,9 @@ def cut(
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
         if program:  # can it take the cells that the cut makes?
-            options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
             from lacmesh.exchange.targets import check_target_cells
 
+            options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
             check_target_cells(mesh, skins.slave or [], program, recognise=choice, **options)
         rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
         result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
@@ -92,11 +92,7 @@ def cut(
     if skins.master:
         with stage("check"):
             findings = lacmesh.check(result, **sides, **vars(facing))
-        if findings.errors:
-            first, more = findings.errors[0], len(findings.errors) - 1
-            others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
-            raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
-        warn_of(findings)
+        _refuse_errors(findings)
     if report and result.origin is not None:
         with stage("report"):
             page = lacmesh.report.cut_report(mesh, result, findings=findings)
@@ -108,6 +104,15 @@ def cut(
             print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
         if page:
             print(f"report: {report}")
+
+
+def _refuse_errors(findings: lacmesh.Findings) -> None:
+    """Raise DataError for an error of the check of a cut; warn of other findings."""
+    if findings.errors:
+        first, more = findings.errors[0], len(findings.errors) - 1
+        others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
+        raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
+    warn_of(findings)
 
 
 @contextmanager
