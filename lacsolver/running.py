@@ -46,8 +46,6 @@ from lacsolver.results.whole import orders_of
 
 #: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
 _LEFT, _FELT = 0.05, 1e-4
-#: gap above which skins do not touch, as a part of the size of the mesh
-_APART = 1e-9
 
 
 def run(
@@ -255,7 +253,6 @@ class RunOutput:
         """Yield warnings about doubtful results of a finished run."""
         problem, last = self._problem, self._last
         yield from _never_facing(problem, self.results)
-        yield from _never_closed(problem, self.results)
         for start in self._starts.values():
             yield from start.told
         for pair in problem.joints:
@@ -300,15 +297,6 @@ def _never_facing(problem: Problem, results: Results) -> Iterator[str]:
         if zones and not any(zone.active + zone.open for zone in zones):
             message = f"slave {pair.record.slave!r} never had master {pair.record.master!r} in front of it"
             yield f"{message}; check which groups these are and that their faces turn outward, or raise search_distance"
-
-
-def _never_closed(problem: Problem, results: Results) -> Iterator[str]:
-    """Yield a warning if contacts had masters in front of them, and none closed at any step."""
-    zones = [zone for step in results.steps for zone in step.contact.values()]
-    gap = min((zone.gap_min for zone in zones if zone.open), default=0.0)
-    if gap > _APART * np.ptp(problem.space.mesh.points, axis=0).max() and not any(zone.active for zone in zones):
-        message = "no contact closed at any step; check the signs of loads and displacements"
-        yield f"{message}, and the gap, {gap:.4g} at least"
 
 
 def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:

@@ -32,7 +32,7 @@ INTERFERENCE = 1e-3
 #: way along the axis or around, in interferences
 _FAR = 5.0
 #: how far p_m may be from those of the fit that is not moved, of their mean: on exact shapes, and on fits
-_ALLOWED, _OF_FITS = 0.005, 0.08
+_ALLOWED, _OF_FITS = 0.005, 0.12
 _AROUND: Formulas = (f"{-_FAR * INTERFERENCE} * y", f"{_FAR * INTERFERENCE} * x", 0.0)
 _ALONG: Formulas = (0.0, 0.0, _FAR * INTERFERENCE)
 
