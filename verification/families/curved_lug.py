@@ -64,10 +64,7 @@ def solve_case(
             zones = (own.zone for own in (solutions["TETRA10"], solutions["smooth"], every[-1]))
             right, cut, stars = (zone.pressure[np.abs(zone.centre[:, 1]) < far].max() for zone in zones)
             name = f"highest pressure{where} over that of TETRA10, size {size:g}"
-            if far < np.inf or size == sizes[0]:
-                results.append(equal(f"{name}, stars", stars / right, 1.0, 0.15, source=_SOURCE, reason=_EDGE))
-            else:
-                results.append(informative(f"{name}, stars", stars / right, reason=_EDGE))
+            results.append(equal(f"{name}, stars", stars / right, 1.0, 0.15, source=_SOURCE, reason=_EDGE))
             results.append(informative(f"{name}, cut", cut / right, reason="beside that of stars"))
     return Outcome((*results, *balanced(every)))
 
