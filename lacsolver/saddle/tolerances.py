@@ -143,8 +143,9 @@ def equilibrium_residual(
 ) -> float:
     """Return the residual of the force balance relative to the largest `force` on the body of each unknown.
 
-    Relative to the round-off of the sums, where that is more. r (n,): residual of each sum of forces at q (n,).
-    `terms()`: terms of the sums, computed only if the tolerance is not met; None if the sums are exact.
+    A residual within the round-off of its sum, or of the coordinates that gaps come from, is below the tolerance.
+    r (n,): residual of each sum of forces at q (n,). `terms()`: terms of the sums, computed only if the tolerance is
+    not met; None if the sums are exact.
     """
     vectors, force = tolerance.vectors, np.maximum(force, 1e-300)
     off = vectors.largest(r / force)
@@ -154,6 +155,8 @@ def equilibrium_residual(
         # Where gaps are linear, one solve gives all bodies by modes that move several: the largest counts for all.
         extent = max(tolerance.scale(q), tolerance.length) * (vectors.size if tolerance.length else 1.0)
         moves = np.maximum(vectors.largest_of_body(q), extent)
-        least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
-        off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
+        of_sums = summed.rounding(vectors)
+        least = np.maximum(of_sums, ROUNDING * moves * summed.K)
+        limit = np.where(np.abs(r) <= least, least, of_sums)
+        off = vectors.largest(r / np.maximum(force, limit / tolerance.tolerance))
     return off

@@ -14,7 +14,7 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.row_set import RowSet
-from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
+from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, ForceTerms, equilibrium_residual
 from tests.lacsolver.systems import (
     Linearized,
     System,
@@ -233,6 +233,14 @@ def test_gaps_of_rounding_end_it():
     assert outcome.converged
     beyond = found(s._replace(G=1e6 * s.G), start(s, "none"), ConvergenceTolerance(1e-10, 1, length))
     assert not beyond.converged or beyond.iterate.p.any()
+
+
+@pytest.mark.parametrize(("r", "residual"), [(1e-3, 1e-3), (3e-8, 3e-8), (3e-9, 3e-11), (0.0, 0.0)])
+def test_residual_is_relative_to_the_force_above_the_round_off_of_coordinates(r, residual):
+    """A force of 1 on coordinates of 1 and a stiffness of 1e6, so that round-off is 1e-8 and not the scale."""
+    terms = ForceTerms(np.array([1.0]), np.array([1e6]))
+    q = np.array([1e-6])
+    assert equilibrium_residual(np.array([r]), 1.0, lambda: terms, LIMITS, q) == pytest.approx(residual)
 
 
 def test_the_last_set_is_solved_exactly_and_a_step_that_is_as_the_one_before_takes_one_solve():
