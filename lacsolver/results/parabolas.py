@@ -39,7 +39,7 @@ from lacsolver.results.patches import patches_of
 Bools = NDArray[np.bool_]
 
 #: by the surface's dimension: number of macro-elements that a patch is extended to, and least number for a parabola
-_MANY, LEAST = {1: 6, 2: 16}, {1: 3, 2: 12}
+MANY, LEAST = {1: 6, 2: 16}, {1: 3, 2: 12}
 #: number of macro-elements of a patch for roots
 _MANY_ROOTS = {1: 6, 2: 36}
 #: in space: number of macro-elements of a patch, twice as wide, where means alternate
@@ -60,7 +60,7 @@ _UNLIKE = (4.0, 16.0)
 #: Gauss points along each axis of macro-elements that reach beyond the edge of contact, where the root has its end
 _FINE = 8
 #: number of patches that are in memory at once
-_PIECE = 2048
+PIECE = 2048
 #: number of fits of roots; most of its last step that an iteration goes on by, or back from
 _TIMES, _FURTHER = 20, 3.0
 
@@ -94,7 +94,7 @@ def fitted(
     Return its values at the nodes of its macro-element, in the order of `touch`, and the scatter of the means about it.
     In space, where means alternate, the fit is on a wide patch, if it is as near to these means.
     """
-    every, many = np.ones(touch.shape[1], dtype=bool), (_MANY_ROOTS if root else _MANY)[slave.dim]
+    every, many = np.ones(touch.shape[1], dtype=bool), (_MANY_ROOTS if root else MANY)[slave.dim]
     values, scatter, alternate = _fits(slave, touch, means, every, many, root=root)
     if slave.dim == 2 and alternate.any():
         some = alternate > 0
@@ -113,7 +113,7 @@ def _fits(
     and a factor, 1 where means alternate.
     """
     patches = patches_of(touch, many, LEAST[slave.dim], slave.trust)[np.flatnonzero(some)]
-    pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root, wide) for k in range(0, patches.shape[0], _PIECE)]
+    pieces = [_fit_piece(slave, patches[k : k + PIECE], means, root, wide) for k in range(0, patches.shape[0], PIECE)]
     q, x_bar, axis, scatter, alternate = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
     values, there = np.zeros(touch.nnz), some[touch.indices]
     row = np.repeat(np.arange(len(slave.x)), np.diff(touch.indptr))[there]
@@ -134,7 +134,7 @@ def _fit_piece(
     k = patches.shape[0]
     row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
     given, trust = means[g], slave.trust[g]
-    basis = _basis(slave, patches, trust)
+    basis = basis_of(slave, patches, trust)
     if root:
         return _root(slave, basis, g, given), basis.x_bar, basis.axis, np.zeros(k), np.zeros(k)
     value = basis.values(basis.fit(given))
@@ -143,14 +143,14 @@ def _fit_piece(
     noisy = between(scatter[row], change, _SCATTERED)
     like = 1 - between(square, scatter[row], _UNLIKE)
     alternate = between(scatter, summed(row, basis.weight * change, k), _SCATTERED)
-    basis = _basis(slave, patches, trust + (1 - trust) * noisy * like)
+    basis = basis_of(slave, patches, trust + (1 - trust) * noisy * like)
     q = _without_chance(basis, given) if wide else basis.fit(given)
     if wide:
         scatter = summed(row, basis.weight * (given - basis.values(q).mean(axis=1)) ** 2, k)
     return q, basis.x_bar, basis.axis, np.sqrt(scatter), alternate
 
 
-def _root(slave: Slave, basis: _Basis, g: Ints, given: Floats) -> NDArray[np.floating]:
+def _root(slave: Slave, basis: Basis, g: Ints, given: Floats) -> NDArray[np.floating]:
     """Return the coefficients (k, terms) of parabolas whose roots have the means `given` (r,) over macro-elements g."""
     wanted, ends = given**2, slave.ends[g]
     grid, weight = rule(CELLS[{1: "SEG2", 2: "QUAD4"}[slave.dim]].family, 2 * _FINE - 1)
@@ -169,7 +169,7 @@ def _root(slave: Slave, basis: _Basis, g: Ints, given: Floats) -> NDArray[np.flo
     return basis.fit(wanted)
 
 
-def _accelerated(basis: _Basis, x: Floats, step: Floats, before: Floats) -> tuple[Floats, Floats]:
+def _accelerated(basis: Basis, x: Floats, step: Floats, before: Floats) -> tuple[Floats, Floats]:
     """Return x (r,) after a `step` of a fixed-point iteration, and these two.
 
     `before`: the two of the step before. Anderson's acceleration by one step, for each patch.
@@ -180,7 +180,7 @@ def _accelerated(basis: _Basis, x: Floats, step: Floats, before: Floats) -> tupl
     return x + step - part * (x - before[0] + turn), np.stack([x, step])
 
 
-def _without_chance(basis: _Basis, given: Floats) -> NDArray[np.floating]:
+def _without_chance(basis: Basis, given: Floats) -> NDArray[np.floating]:
     """Return the coefficients (k, terms) of fits to `given` (r,), without terms that are due to scatter.
 
     By Fisher's F: the square that slopes or curvatures explain, over the square that as many explain by chance.
@@ -199,7 +199,7 @@ def _without_chance(basis: _Basis, given: Floats) -> NDArray[np.floating]:
     return np.asarray(found)
 
 
-class _Basis(NamedTuple):
+class Basis(NamedTuple):
     """Terms of the parabolas of k patches, with r macro-elements in all, of the patches `row` (r,).
 
     `x_bar` (k, 3), `axis` (k, 3, dim); `middle` (r, dim) of each macro-element, and half its Gauss points, as seen from
@@ -218,7 +218,7 @@ class _Basis(NamedTuple):
     normal: Floats
     inverse: Floats
 
-    def at_most(self, terms: int) -> _Basis:
+    def at_most(self, terms: int) -> Basis:
         """Return the basis of the first `terms`."""
         return self._replace(inverse=_inverse_of_independent(self.normal, np.full(len(self.normal), terms)))
 
@@ -231,8 +231,17 @@ class _Basis(NamedTuple):
         """Return the values (r, p) of parabolas with coefficients q (k, terms) at the points."""
         return np.asarray(np.einsum("rpt,rt->rp", self.points, q[self.row]))
 
+    def gradients(self, q: Floats, x: Floats) -> NDArray[np.floating]:
+        """Return the gradients (k, 3) of parabolas with coefficients q (k, terms) at x (k, 3)."""
+        dim = self.axis.shape[2]
+        s, slope = np.einsum("ks,ksn->kn", x - self.x_bar, self.axis), q[:, 1 : 1 + dim].copy()
+        for t, (a, b) in enumerate(zip(*np.triu_indices(dim), strict=True), 1 + dim):
+            slope[:, a] += q[:, t] * s[:, b]
+            slope[:, b] += q[:, t] * s[:, a]
+        return np.asarray(np.einsum("ksn,kn->ks", self.axis, slope))
 
-def _basis(slave: Slave, patches: csr_array, trust: Floats) -> _Basis:
+
+def basis_of(slave: Slave, patches: csr_array, trust: Floats) -> Basis:
     """Compute the terms of parabolas on some patches (k, n), whose macro-elements weigh `trust` (r,) of their area."""
     k, dim, number = patches.shape[0], slave.dim, np.diff(patches.indptr)
     row, g = np.repeat(np.arange(k), number), patches.indices
@@ -248,7 +257,7 @@ def _basis(slave: Slave, patches: csr_array, trust: Floats) -> _Basis:
     points = _powers(np.concatenate([middle[:, None] - off, middle[:, None] + off], axis=1))
     normal = summed(row, weight[:, None, None] * dyads(points.mean(axis=1)), k)
     inverse = _inverse_of_independent(normal, np.where(number < LEAST[dim], 1 + dim, points.shape[2]))
-    return _Basis(row, x_bar, axis, middle, off, points, weight, normal, inverse)
+    return Basis(row, x_bar, axis, middle, off, points, weight, normal, inverse)
 
 
 def between(x: Floats, y: Floats, ends: tuple[float, float]) -> NDArray[np.floating]:

@@ -37,6 +37,7 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
+from lacsolver.results.boundary_layer import without_layer
 from lacsolver.results.parabolas import LEAST, Slave, between, dyads, fitted, nodal_means, summed
 from lacsolver.results.patches import beside, nodes_of, ones, only, scaled
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
@@ -90,7 +91,8 @@ def recover_pressure(
     contact = (status >= CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
     touch = only(slave.touch, contact)
-    values, scatter = fitted(slave, touch, means)
+    weighted, corrected = without_layer(slave, touch, means, ours, macro[macro >= 0])
+    values, scatter = fitted(weighted, touch, corrected)
     p = nodal_means(touch, values)
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)

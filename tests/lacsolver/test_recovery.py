@@ -210,6 +210,34 @@ def test_what_the_rim_lacks_stays_at_the_rim():
     assert made[[0, -1]].min() > 100
 
 
+@pytest.mark.parametrize(("c", "part"), [((0.12, -0.04, 0.0), 0.1), ((0.1, -0.09, 0.03), 0.1), ((0.0, 0.0, 0.0), 0.0)])
+def test_differences_at_the_boundary_in_proportion_to_the_slope_are_removed(c, part):
+    """Rings of means differ from those of a parabola by c_k h (slope of p), as on QUAD9 and on the cut QUAD8."""
+    n = 10
+    _, surface, macro, count = slave_of("HEXA27", n)
+    p, area = means_of(surface, macro, count, parabola)
+    centre, on = np.zeros((count, 3)), surface.x[on_surface(surface)]
+    centre[macro] = next(surface.x[nodes].mean(axis=1) for _, _, nodes in surface.by_type())
+    low, high, off = on.min(axis=0), on.max(axis=0), np.zeros(count)
+    for axis in (0, 1):
+        h = (high - low)[axis] / n
+        for outward, depth in ((-h, centre - low), (h, high - centre)):
+            ring = np.minimum(depth[:, axis] // h, len(c)).astype(int)
+            off += np.append(c, 0.0)[ring] * outward * slope_of_parabola(centre)[:, axis]
+    off -= (area @ off) / area.sum()  # the force is exact
+    nodal, _ = recover_pressure(surface, macro, p + off, np.full(count, CONTACT))
+    of_means, of_nodal = errors(surface, macro, parabola, p + off, nodal)
+    assert of_nodal <= part * np.sqrt(area @ off**2) + 1e-12 * of_means
+
+
+def parabola(x):
+    return 3 + x[..., 0] + 0.5 * x[..., 1] + x[..., 0] ** 2 - 0.4 * x[..., 0] * x[..., 1]
+
+
+def slope_of_parabola(x):
+    return np.stack([1 + 2 * x[..., 0] - 0.4 * x[..., 1], 0.5 - 0.4 * x[..., 0]], axis=-1)
+
+
 def test_the_rim_is_also_where_the_master_ends():
     """Faces beyond the master do not let the last ones that it covers, half, count as much as the others."""
     p, status, coverage = np.zeros(16), np.full(16, CONTACT), np.ones(16)
