@@ -4,12 +4,12 @@ p_m is constant on a macro-element where p is not (docs/theory.md). In the k-th 
 
     p_m - mean_m(p) = c_k h_m . grad p,    h_m = sum of A_m n / L
 
-over the edges on the boundary, of outward normal n and length L, with the area A_m of the macro-element; in the next
-rings h_m is the sum of those that it touches. The numbers c_k depend on the cells and their cut alone: 0.12, -0.03 and
-0.00 for QUAD9, 0.11, -0.09 and 0.03 for the cut QUAD8 of HEXA20. They are found together with the parabolas of all
-patches, by least squares, and the means are corrected. Where c_k explains the differences, as on quadrangles, the
-corrected means have as much more weight in the fits as the differences are smaller; where it does not, as on pairs of
-triangles, whose differences alternate along the boundary, nothing is changed.
+over the edges on the boundary, of outward normal n and length L, with the area A_m of the macro-element; the next rings
+have the h_m of the macro-element before them. The numbers c_k depend on the cells and their cut alone: 0.12, -0.03 and
+0.00 for QUAD9, 0.11, -0.09 and 0.03 for the cut QUAD8 of HEXA20. Least squares find them together with the parabolas of
+all patches. Where c_k is small and explains the differences, as on quadrangles, the means are corrected, and weigh more
+in the fits by as much as the squared differences decrease. Nothing is changed on pairs of triangles, whose differences
+alternate along the boundary, and at sharp edges, where p has no bound.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ _INWARDS = 0.7
 _DETERMINED = 1e-3
 #: part of the squared differences that c_k leaves: the means are corrected below the first value, not above the second
 _LEFT = (0.25, 0.5)
+#: largest c_k: no layer is above the second value, but pressures that have no bound at sharp edges and alternate
+_LARGE = (0.25, 0.5)
 
 
 def without_layer(
@@ -50,11 +52,11 @@ def without_layer(
     patches = patches_of(touch, MANY[slave.dim], LEAST[slave.dim], slave.trust)
     own = np.flatnonzero(patches @ rings.any(axis=(0, 2)).astype(float) > 0)
     patches = patches[own]
-    corrected, weighted = means, slave
+    corrected, weighted, one = means, slave, np.array(1.0)
     for _ in range(_TIMES):
         slopes = np.einsum("kns,ns->kn", rings, _gradients(weighted, patches, own, corrected))
         c, left = _fit(weighted, patches, means, slopes)
-        sure = 1.0 - between(np.array(left), np.array(1.0), _LEFT)
+        sure = (1.0 - between(np.array(left), one, _LEFT)) * (1.0 - between(np.abs(c).max(), one, _LARGE))
         corrected = means - sure * (c @ slopes)
         more = np.minimum(slave.trust / max(left, np.finfo(float).tiny), 1.0) - slave.trust
         weighted = slave._replace(trust=slave.trust + sure * more)
