@@ -30,6 +30,8 @@ from lacsolver.results.patches import ones, patches_of
 _RINGS, _TIMES = 3, 3
 #: least cosine between the way to the next ring and the inward normal
 _INWARDS = 0.7
+#: difference between cosines of neighbours that lie alike
+_ALIKE = 1e-6
 #: least eigenvalue of the equations for c_k, scaled, of the parts of the slopes that parabolas do not resemble
 _DETERMINED = 1e-3
 #: part of the squared differences that c_k leaves: the means are corrected below the first value, not above the second
@@ -95,15 +97,17 @@ def _boundary(surface: Surface, macro: Ints, area: Floats) -> tuple[Ints, Floats
 def _inwards(near: csr_array, x: Floats, own: Ints, outward: Floats) -> tuple[Ints, Floats]:
     """Return the neighbour of each macro-element `own` (e,) most nearly against its `outward` (e, 3), and that vector.
 
-    `near` (n, n): neighbours; x (n, 3): centroids. Those with no neighbour within `_INWARDS` are left out.
+    Neighbours that lie alike share it, so that their order does not matter. `near` (n, n): neighbours; x (n, 3):
+    centroids. Macro-elements without a neighbour within `_INWARDS` are left out.
     """
     rows = near[own]
     row, g = np.repeat(np.arange(len(own)), np.diff(rows.indptr)), rows.indices
     cosine = -np.einsum("rs,rs->r", unit(x[g] - x[own[row]]), unit(outward)[row])
-    order = np.lexsort((cosine, row))
-    last = order[np.append(np.diff(row[order]) > 0, True)[: len(order)]]
-    last = last[cosine[last] > _INWARDS]
-    return g[last], outward[row[last]]
+    largest = np.full(len(own), _INWARDS)
+    np.maximum.at(largest, row, cosine)
+    most = cosine > largest[row] - _ALIKE
+    row, g = row[most], g[most]
+    return g, outward[row] / np.bincount(row, minlength=len(own))[row][:, None]
 
 
 def _bases(slave: Slave, patches: csr_array) -> Iterator[tuple[Basis, Ints]]:
