@@ -233,10 +233,7 @@ class _Basis(NamedTuple):
 
 
 def _basis(slave: Slave, patches: csr_array, trust: Floats, root: bool = False) -> _Basis:
-    """Compute the terms of parabolas on some patches (k, n), whose macro-elements weigh `trust` (r,) of their area.
-
-    Patches of few macro-elements have the first terms alone: planes, for a `root` with the square of the distance.
-    """
+    """Compute the terms of parabolas on some patches (k, n), whose macro-elements weigh `trust` (r,) of their area."""
     k, dim, number = patches.shape[0], slave.dim, np.diff(patches.indptr)
     few = number < LEAST[dim]
     row, g = np.repeat(np.arange(k), number), patches.indices
@@ -263,10 +260,7 @@ def between(x: Floats, y: Floats, ends: tuple[float, float]) -> NDArray[np.float
 
 
 def _axes(spread: Floats, dim: int, alike: Bools) -> NDArray[np.floating]:
-    """Return principal axes (k, 3, dim) of patches, from means of d d, over their deviations; 0 for thin directions.
-
-    In patches `alike` (k,) both are over the largest, so that the square of s is that of the distance.
-    """
+    """Return principal axes (k, 3, dim) over deviations, all over the largest if `alike` (k,); 0 in thin directions."""
     variance, axes = np.linalg.eigh(spread)
     variance, axes = variance[:, : -1 - dim : -1], axes[:, :, : -1 - dim : -1]
     there = variance > _THIN * variance[:, :1]
@@ -276,10 +270,9 @@ def _axes(spread: Floats, dim: int, alike: Bools) -> NDArray[np.floating]:
 
 def _powers(s: Floats) -> NDArray[np.floating]:
     """Return the terms of a parabola (..., terms): 1, the coordinates (..., dim), their square, other products."""
-    a, b = np.triu_indices(s.shape[-1])
-    products = s[..., a] * s[..., b]
-    products[..., 0] = (s**2).sum(axis=-1)
-    return np.concatenate([np.ones((*s.shape[:-1], 1)), s, products], axis=-1)
+    a, b = np.array(np.triu_indices(s.shape[-1]))[:, 1:]
+    square = (s**2).sum(axis=-1, keepdims=True)
+    return np.concatenate([np.ones((*s.shape[:-1], 1)), s, square, s[..., a] * s[..., b]], axis=-1)
 
 
 def _inverse_of_independent(normal: Floats, most: Ints) -> NDArray[np.floating]:

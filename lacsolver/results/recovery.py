@@ -14,8 +14,7 @@ At the edge of contact p behaves as a square root, and the last macro-element in
 its neighbours (10 % of the peak; the sum is right), where faces are linear also with open ones that the contact
 reaches into. So for p >= 0, near an open macro-element, the last ones in contact and, of linear faces, the open ones
 beside them are merged with their neighbours, and p is the root of a parabola that has the means p_m. The square of
-Hertz's pressure is one. If fewer than 3 (9) remained, the open ones alone are merged, into the last ones in contact,
-and none if fewer than 2 (4) are in contact.
+Hertz's pressure is one. If fewer than 3 (9) remained, the open ones alone are merged, into the last ones in contact.
 
 Finally, each connected part of the contact gets the force of its p_m: linear interpolation between nodes has less or
 more force than the root; missing force goes to the nodes shared with open macro-elements, excess force is taken from
@@ -164,8 +163,7 @@ def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opene
 def _merged(slave: Slave, contact: Bools, last: Bools, beyond: Bools, inner: Bools) -> tuple[Slave, csr_array]:
     """Merge macro-elements `beyond` the edge into the `last` ones in contact, and the `inner` ones into neighbours.
 
-    Return the merged slave, whose nodes are those in contact, and W (merged, n), which takes means over macro-elements
-    to means over the merged ones.
+    Return the merged slave, whose nodes are those in contact, and W (merged, n), which takes means to merged ones.
     """
     near = ones(slave.touch.T @ slave.touch)
     inwards = _shared(scaled(near, contact & ~inner, inner))
