@@ -5,8 +5,8 @@ Around each macro-element a parabola (in space a quadric) in coordinates s along
     p(s) = sum of q_t s^t,   sum over the patch of w_m (mean_m(p) - p_m)^2 least,   t: 1, s, s s
 
 A patch is extended, ring by ring, until it has 6 macro-elements in the plane and 16 in space, whose weights are worth
-at least 3 and 12 equal ones. With fewer than 3 and 12, planes are fitted. Terms that the patch does not determine
-independently of those before them are left out.
+at least 3 and 12 equal ones. With fewer than 3 and 12, planes are fitted, and paraboloids of revolution for roots.
+Terms that the patch does not determine independently of those before them are left out.
 
 The weights w_m are the areas A_m, times a factor for less trust at a boundary. Where means scatter more than p changes
 within a macro-element, errors at a boundary do not matter. There a mean on the boundary that is as near to the fit as
@@ -134,7 +134,7 @@ def _fit_piece(
     k = patches.shape[0]
     row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
     given, trust = means[g], slave.trust[g]
-    basis = basis_of(slave, patches, trust)
+    basis = basis_of(slave, patches, trust, root)
     if root:
         return _root(slave, basis, g, given), basis.x_bar, basis.axis, np.zeros(k), np.zeros(k)
     value = basis.values(basis.fit(given))
@@ -234,29 +234,31 @@ class Basis(NamedTuple):
     def gradients(self, q: Floats, x: Floats) -> NDArray[np.floating]:
         """Return the gradients (k, 3) of parabolas with coefficients q (k, terms) at x (k, 3)."""
         dim = self.axis.shape[2]
-        s, slope = np.einsum("ks,ksn->kn", x - self.x_bar, self.axis), q[:, 1 : 1 + dim].copy()
-        for t, (a, b) in enumerate(zip(*np.triu_indices(dim), strict=True), 1 + dim):
+        s = np.einsum("ks,ksn->kn", x - self.x_bar, self.axis)
+        slope = q[:, 1 : 1 + dim] + 2 * q[:, 1 + dim, None] * s
+        for t, (a, b) in enumerate(_products(dim), 2 + dim):
             slope[:, a] += q[:, t] * s[:, b]
             slope[:, b] += q[:, t] * s[:, a]
         return np.asarray(np.einsum("ksn,kn->ks", self.axis, slope))
 
 
-def basis_of(slave: Slave, patches: csr_array, trust: Floats) -> Basis:
+def basis_of(slave: Slave, patches: csr_array, trust: Floats, root: bool = False) -> Basis:
     """Compute the terms of parabolas on some patches (k, n), whose macro-elements weigh `trust` (r,) of their area."""
     k, dim, number = patches.shape[0], slave.dim, np.diff(patches.indptr)
+    few = number < LEAST[dim]
     row, g = np.repeat(np.arange(k), number), patches.indices
     weight = slave.area[g] * trust
     weight = weight / summed(row, weight, k)[row]
     x_bar = summed(row, weight[:, None] * slave.centroid[g], k)
     d = slave.centroid[g] - x_bar[row]
-    axis = _axes(summed(row, weight[:, None, None] * dyads(d), k), dim)
+    axis = _axes(summed(row, weight[:, None, None] * dyads(d), k), dim, few & root)
     # Gauss points of a macro-element: exact for means of parabolas, and nearly so for those of roots
     size, turn = np.linalg.eigh(np.einsum("rsn,rst,rtm->rnm", axis[row], slave.moment[g], axis[row]))
     off = np.swapaxes(np.sqrt(np.maximum(dim * size, 0.0))[:, None] * turn, 1, 2)
     middle = np.einsum("rs,rsn->rn", d, axis[row])
     points = _powers(np.concatenate([middle[:, None] - off, middle[:, None] + off], axis=1))
     normal = summed(row, weight[:, None, None] * dyads(points.mean(axis=1)), k)
-    inverse = _inverse_of_independent(normal, np.where(number < LEAST[dim], 1 + dim, points.shape[2]))
+    inverse = _inverse_of_independent(normal, np.where(few, 1 + dim + root, points.shape[2]))
     return Basis(row, x_bar, axis, middle, off, points, weight, normal, inverse)
 
 
@@ -267,18 +269,24 @@ def between(x: Floats, y: Floats, ends: tuple[float, float]) -> NDArray[np.float
     return np.asarray(np.clip(over, 0.0, 1.0))
 
 
-def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:
-    """Return principal axes (k, 3, dim) of patches, from means of d d, over their deviations; 0 for thin directions."""
+def _axes(spread: Floats, dim: int, alike: Bools) -> NDArray[np.floating]:
+    """Return principal axes (k, 3, dim) over deviations, all over the largest if `alike` (k,); 0 in thin directions."""
     variance, axes = np.linalg.eigh(spread)
     variance, axes = variance[:, : -1 - dim : -1], axes[:, :, : -1 - dim : -1]
     there = variance > _THIN * variance[:, :1]
+    variance = np.where(alike[:, None], variance[:, :1], variance)
     return np.where(there[:, None], axes / np.sqrt(np.where(there, variance, 1.0))[:, None], 0.0)
 
 
 def _powers(s: Floats) -> NDArray[np.floating]:
-    """Return the terms of a parabola (..., terms): 1, the coordinates (..., dim), their products."""
-    a, b = np.triu_indices(s.shape[-1])
-    return np.concatenate([np.ones((*s.shape[:-1], 1)), s, s[..., a] * s[..., b]], axis=-1)
+    """Return the terms of a parabola (..., terms): 1, the coordinates (..., dim), their square, other products."""
+    square, (a, b) = (s**2).sum(axis=-1, keepdims=True), _products(s.shape[-1]).T
+    return np.concatenate([np.ones((*s.shape[:-1], 1)), s, square, s[..., a] * s[..., b]], axis=-1)
+
+
+def _products(dim: int) -> Ints:
+    """Return the pairs of coordinates (terms, 2) whose products are terms beside the square."""
+    return np.stack(np.triu_indices(dim), axis=1)[1:]
 
 
 def _inverse_of_independent(normal: Floats, most: Ints) -> NDArray[np.floating]:

@@ -13,8 +13,8 @@ the last.
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right), where faces are linear also with open ones that the contact
 reaches into. So for p >= 0, near an open macro-element, the last ones in contact and, of linear faces, the open ones
-beside them are merged with their neighbours, if at least 3 (12) remain, and p is the root of a parabola that has the
-means p_m. The square of Hertz's pressure is one.
+beside them are merged with their neighbours, and p is the root of a parabola that has the means p_m. The square of
+Hertz's pressure is one. If fewer than 3 (9) remained, the open ones alone are merged, into the last ones in contact.
 
 Finally, each connected part of the contact gets the force of its p_m: linear interpolation between nodes has less or
 more force than the root; missing force goes to the nodes shared with open macro-elements, excess force is taken from
@@ -38,7 +38,7 @@ from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
 from lacsolver.results.boundary_layer import without_layer
-from lacsolver.results.parabolas import LEAST, Slave, between, dyads, fitted, nodal_means, summed
+from lacsolver.results.parabolas import Slave, between, dyads, fitted, nodal_means, summed
 from lacsolver.results.patches import beside, nodes_of, ones, only, scaled
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.space.sparse import joined_columns
@@ -151,25 +151,25 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> 
 def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opened: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
 
-    The macro-elements at the `edge` of contact, and those `opened` beside them in which it may end, are merged with
-    their neighbours.
+    Those `opened` beside the `edge` of contact, in which it may end, are merged into the macro-elements at the edge,
+    and these into their neighbours: where 2 along each axis are in contact, and where 3 remain.
     """
-    merged, W = _merged(slave, contact, edge, beside(slave.touch, edge, 1) & opened & slave.ends)
-    if len(merged.area) < LEAST[slave.dim]:
-        merged, W = _merged(slave, contact, edge & False, edge & False)
+    beyond = beside(slave.touch, edge, 1) & opened & slave.ends & (np.count_nonzero(contact) >= 2**slave.dim)
+    merged, W = _merged(slave, contact, edge, beyond, edge)
+    if len(merged.area) < 3**slave.dim:
+        merged, W = _merged(slave, contact, edge, beyond, edge & False)
     q, _ = fitted(merged, merged.touch, W @ means, root=True)
     return np.sqrt(np.maximum(nodal_means(merged.touch, q), 0.0))
 
 
-def _merged(slave: Slave, contact: Bools, last: Bools, beyond: Bools) -> tuple[Slave, csr_array]:
-    """Merge macro-elements `beyond` the edge into the `last` ones in contact, and these into their neighbours.
+def _merged(slave: Slave, contact: Bools, last: Bools, beyond: Bools, inner: Bools) -> tuple[Slave, csr_array]:
+    """Merge macro-elements `beyond` the edge into the `last` ones in contact, and the `inner` ones into neighbours.
 
-    Return the merged slave, whose nodes are those in contact, and W (merged, n), which takes means over macro-elements
-    to means over the merged ones.
+    Return the merged slave, whose nodes are those in contact, and W (merged, n), which takes means to merged ones.
     """
     near = ones(slave.touch.T @ slave.touch)
-    inwards = _shared(scaled(near, contact & ~last, last))
-    kept = contact & (~last | (inwards.sum(axis=0) == 0))
+    inwards = _shared(scaled(near, contact & ~inner, inner))
+    kept = contact & (~inner | (inwards.sum(axis=0) == 0))
     inwards = (inwards + diags_array(kept.astype(float))).tocsr()[np.flatnonzero(kept)]
     shares = (inwards + inwards @ _shared(scaled(near, last, beyond))).tocsr()
     area = shares @ slave.area

@@ -200,6 +200,31 @@ def test_contact_that_reaches_into_an_open_macro_element(edge):
     assert mean.sum() == pytest.approx(p.sum())
 
 
+@pytest.mark.parametrize(("macros", "corner", "off"), [(8, 0.0, 0.08), (5, 1.3, 0.12)])
+def test_few_macro_elements_in_space_have_round_roots(macros, corner, off):
+    """Hertz's pressure on stars of four faces: a quarter of the contact, and all of it; open ones give their share."""
+    block = rectangle((2 * macros, 2 * macros), (2.6, 2.6))
+    points, nodes = block.points - corner, block.block("QUAD4")
+    surface = Surface.of(Mesh.create(points, [("QUAD4", nodes)], space_dim=3), np.arange(len(nodes)))
+    i, j = np.floor((points[nodes].mean(axis=1)[:, :2] + corner) * macros / 2.6).astype(int).T
+
+    def hertz(x):
+        return np.sqrt(np.maximum(1 - (x[..., :2] ** 2).sum(axis=-1), 0))
+
+    p, area = means_of(surface, i * macros + j, macros**2, hertz, degree=40)
+    status = np.where(p > 0.05, CONTACT, OPEN)
+    place = np.stack(np.divmod(np.arange(macros**2), macros), axis=1)
+    for reached in np.flatnonzero((status == OPEN) & (p > 0)):
+        steps = np.where(status == CONTACT, np.abs(place - place[reached]).sum(axis=1), macros)
+        near = steps == steps.min()
+        p[near] += p[reached] / near.sum()
+    p[status == OPEN] = 0
+    nodal, mean = recover_pressure(surface, i * macros + j, p, status)
+    whole = np.sqrt(np.pi / 2 / (4 if corner == 0 else 1))
+    assert errors(surface, i * macros + j, hertz, p, nodal)[1] < off * whole
+    assert mean @ area == pytest.approx(p @ area)
+
+
 def test_what_the_rim_lacks_stays_at_the_rim():
     """Even in the middle, with a peak at both ends that no parabola follows, as under the edges of a stiff hub."""
     p = np.full(16, 50.0)
