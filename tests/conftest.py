@@ -16,6 +16,7 @@ import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
+from lacmesh.cli import main
 from tests import REPOSITORY
 from tests.samples import FUZZ
 
@@ -67,10 +68,11 @@ def pytest_itemcollected(item):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pycollect_makeitem(collector, obj):
-    """Mark the rows of a test slow that its mark `rows` does not name."""
+    """Mark the rows of a test slow that its mark `rows` does not name, in one text or several."""
     found = yield
     marks = getattr(obj, "pytestmark", ()) if found else ()
-    for named in (set(mark.args) for mark in marks if mark.name == "rows"):
+    for mark in (mark for mark in marks if mark.name == "rows"):
+        named = {row for text in mark.args for row in text.split(", ")}
         others = [item for item in found if item.callspec.id not in named]
         if len(found) != len(others) + len(named):
             raise collector.CollectError(f"{obj.__name__} has no rows {named - {item.callspec.id for item in found}}")
@@ -141,6 +143,21 @@ def shared():
 def every_thread(monkeypatch):
     """Take as many threads as are asked for, however few rows or cells there are."""
     monkeypatch.setattr("lacmesh.threads._WORTH", 1)
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Runs a command of lacmesh in a folder of its own, which must end in a status: what it prints, errors last."""
+    monkeypatch.chdir(tmp_path)
+
+    def ran(words, status=0):
+        capsys.readouterr()
+        found = main(words.split() if isinstance(words, str) else list(map(str, words)))
+        said = "".join(capsys.readouterr())
+        assert found == status, said
+        return said
+
+    return ran
 
 
 @pytest.fixture

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from contextlib import contextmanager
+
 import numpy as np
 from scipy.spatial import Delaunay
 
-from lacmesh import Mesh, generate, measure_quality, raise_order
+from lacmesh import LacmeshWarning, Mesh, generate, measure_quality, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 
@@ -18,6 +21,31 @@ def pad(points):
 def worst(mesh):
     """The least corner Jacobian of the cells of a mesh."""
     return min(t.measures["corner_jacobian"].least for t in measure_quality(mesh).types if t.poor is not None)
+
+
+@contextmanager
+def lenient():
+    """Let our own warnings pass; every other one stays an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        yield
+
+
+def same_nodes(one, other):
+    """True if the cells of two meshes are of the same types and list the same nodes, in the same order."""
+    pairs = zip(one.blocks, other.blocks, strict=True)
+    return all(a.type == b.type and np.array_equal(a.nodes, b.nodes) for a, b in pairs)
+
+
+def renumbered(mesh, rng):
+    """The mesh with nodes, blocks, their cells and groups in another order; and the new place of each cell."""
+    node = rng.permutation(mesh.n_nodes)
+    rows = [(k, rng.permutation(len(mesh.blocks[k].nodes))) for k in rng.permutation(len(mesh.blocks))]
+    place = np.argsort(np.concatenate([mesh.offsets[k] + some for k, some in rows]))
+    blocks = [(mesh.blocks[k].type, node[mesh.blocks[k].nodes[some]]) for k, some in rows]
+    groups = {name: place[members] for name, members in reversed(mesh.cell_groups.items())}
+    points = mesh.points[np.argsort(node)]
+    return Mesh.create(points, blocks, cell_groups=groups, space_dim=mesh.space_dim), place
 
 
 def affine(points, seed=0):

@@ -16,7 +16,6 @@ import pytest
 import lacmesh
 from lacmesh import Cut, Mesh, cut_skin, generate
 from lacmesh.cells import CELLS
-from lacmesh.cli import main
 from lacmesh.errors import GroupNotFoundError
 from lacmesh.formats import detect_format
 from lacmesh.report import describe
@@ -37,21 +36,6 @@ def msh(tmp_path, monkeypatch, mesh):
     monkeypatch.chdir(tmp_path)
     lacmesh.write("part.msh", mesh)
     return tmp_path / "part.msh"
-
-
-@pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    """Runs a command in an empty folder, which ends in a status: what it prints, errors too."""
-    monkeypatch.chdir(tmp_path)
-
-    def ran(words, status=0):
-        capsys.readouterr()
-        found = main(words.split())
-        said = "".join(capsys.readouterr())
-        assert found == status, said
-        return said
-
-    return ran
 
 
 @pytest.fixture

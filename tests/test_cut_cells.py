@@ -52,23 +52,9 @@ def ways(name, j):
 
 
 @pytest.mark.rows(
-    "TRIA3-2-pyramid",
-    "TRIA6-2-pyramid",
-    "TRIA7-0-pyramid",
-    "QUAD4-1-pyramid",
-    "QUAD8-2-pyramid",
-    "QUAD9-0-pyramid",
-    "TETRA4-3-pyramid",
-    "TETRA10-1-pyramid",
-    "HEXA8-1-hexa",
-    "HEXA20-1-pyramid",
-    "HEXA27-4-pyramid",
-    "PENTA6-1-pyramid",
-    "PENTA15-0-pyramid",
-    "PENTA18-0-pyramid",
-    "PYRAM5-3-pyramid",
-    "PYRAM13-1-pyramid",
-    "PYRAM14-1-pyramid",
+    "TRIA3-2-pyramid, TRIA6-2-pyramid, TRIA7-0-pyramid, QUAD4-1-pyramid, QUAD8-2-pyramid, QUAD9-0-pyramid, "
+    "TETRA4-3-pyramid, TETRA10-1-pyramid, HEXA8-1-hexa, HEXA20-1-pyramid, HEXA27-4-pyramid, PENTA6-1-pyramid, "
+    "PENTA15-0-pyramid, PENTA18-0-pyramid, PYRAM5-3-pyramid, PYRAM13-1-pyramid, PYRAM14-1-pyramid"
 )
 @pytest.mark.fuzz
 @pytest.mark.parametrize(("name", "j", "variant"), CASES)
@@ -82,16 +68,8 @@ def test_one_cell(name, j, variant):
 
 
 @pytest.mark.rows(
-    "TRIA3-pyramid",
-    "QUAD4-pyramid",
-    "TETRA4-pyramid",
-    "PYRAM5-pyramid",
-    "PENTA6-pyramid",
-    "TRIA6-pyramid",
-    "QUAD8-pyramid",
-    "TETRA10-pyramid",
-    "PYRAM13-pyramid",
-    "PENTA15-pyramid",
+    "TRIA3-pyramid, QUAD4-pyramid, TETRA4-pyramid, PYRAM5-pyramid, PENTA6-pyramid, TRIA6-pyramid, QUAD8-pyramid, "
+    "TETRA10-pyramid, PYRAM13-pyramid, PENTA15-pyramid"
 )
 @pytest.mark.fuzz
 @pytest.mark.parametrize(

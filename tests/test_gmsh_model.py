@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarni
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh
 from tests.checks.blocks import two_blocks
 from tests.checks.corpus import without_records
-from tests.meshes import cell_with_faces, random_mesh
+from tests.meshes import cell_with_faces, lenient, random_mesh
 
 pytestmark = pytest.mark.gmsh
 
@@ -112,8 +111,7 @@ def build(gmsh, name, text=""):
 
 @pytest.fixture(params=MODELS)
 def model(request, gmsh):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
+    with lenient():
         build(gmsh, request.param)
     return MODELS[request.param][1]
 

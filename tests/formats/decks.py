@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,11 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lacmesh
-from lacmesh import LacmeshWarning
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.elements import element
 from lacmesh.generate.parts import assembled
 from tests.lacsolver.deck_texts import Block
+from tests.meshes import lenient
 from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
@@ -35,7 +34,8 @@ def pressed(name):
     nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["press"])]))
     groups = {g: cells for g, cells in mesh.cell_groups.items() if g != "press"}
     mesh = replace(mesh, cell_groups=groups, node_groups={**mesh.node_groups, "top": nodes})
-    return _mesh_text(mesh, name) + CARDS.format(
+    text = re.sub(r"TYPE=C\w+$", f"TYPE={name}", _written(mesh), flags=re.MULTILINE)
+    return text + CARDS.format(
         E=E,
         K=K,
         up=2 if plane else 3,
@@ -47,21 +47,12 @@ def pressed(name):
 
 def _faces_of(mesh, group):
     """Elements and face numbers of a skin group, by what *SURFACE says of it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        text = _written(replace(mesh, cell_groups={group: mesh.cell_groups[group]}))
+    text = _written(replace(mesh, cell_groups={group: mesh.cell_groups[group]}))
     return re.findall(r"^(\d+), S(\d)$", text, re.MULTILINE)
 
 
-def _mesh_text(mesh, name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        text = _written(mesh)
-    return re.sub(r"TYPE=C\w+$", f"TYPE={name}", text, flags=re.MULTILINE)
-
-
 def _written(mesh):
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, lenient():
         path = Path(folder, "a.inp")
         lacmesh.write(path, mesh)
         return path.read_text()

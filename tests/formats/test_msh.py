@@ -18,7 +18,6 @@ from tests.formats.msh_meshes import (
     by_place,
     decided,
     entities,
-    lenient,
     meshes,
     places,
     plain,
@@ -27,6 +26,7 @@ from tests.formats.msh_meshes import (
 )
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.texts import ASCII4, OLD, swapped
+from tests.meshes import lenient
 from tests.samples import samples
 
 KINDS = [("4.1", True), ("4.1", False), ("2.2", True), ("2.2", False)]
