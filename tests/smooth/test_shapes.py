@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from lacmesh import FittedShape, Mesh, check, cut_skin, fit_surface, write
-from lacmesh.cli import main
 from lacmesh.gmsh import to_mesh
 from lacmesh.smooth import height_of
 from lacmesh.surface.normals import smoothed
@@ -388,33 +387,25 @@ def test_figures_in_words(shape, figures, says):
     assert str(FittedShape(shape, np.arange(4), 98, **figures)).startswith(f"{shape}, {says}")
 
 
-def test_info_and_check_say_shapes(fresh, capsys):
+def test_info_and_check_say_shapes(run):
     write("shell.msh", cut_skin(block("HEXA8"), "skin").mesh)
-    said = {}
-    for words in ("info", "info -v", "info -v --json", "check --slave skin", "check --json --slave skin"):
-        command, *options = words.split()
-        assert main([command, "shell.msh", *options]) == 0
-        said[words] = capsys.readouterr().out
-    assert "sphere" not in said["info"] and "shape of skin" in said["check --slave skin"]
-    (line,) = [line for line in said["info -v"].splitlines() if line.startswith("skin:")]
+    assert "sphere" not in run("info shell.msh") and "shape of skin" in run("check shell.msh --slave skin")
+    (line,) = [line for line in run("info -v shell.msh").splitlines() if line.startswith("skin:")]
     assert line.startswith("skin: sphere, radius 1.4, 25 nodes within ")
-    (one,) = json.loads(said["info -v --json"])["shapes"]["skin"]
+    (one,) = json.loads(run("info -v --json shell.msh"))["shapes"]["skin"]
     assert (one["shape"], one["faces"], one["nodes"]) == ("sphere", 64, 25) and one["tube"] is None
     assert one["radius"] == pytest.approx(1.4, rel=1e-12) and one["text"].startswith("sphere, radius 1.4")
-    (checked,) = json.loads(said["check --json --slave skin"])["summary"]["shapes"]["skin"]
-    assert checked == one
+    assert json.loads(run("check --json shell.msh --slave skin"))["summary"]["shapes"]["skin"] == [one]
 
 
-def test_few_faces_that_are_taken_as_round_are_told(fresh, capsys):
+def test_few_faces_that_are_taken_as_round_are_told(run):
     pin = {"kind": "QUAD4", "n": 8, "radii": (0.5, 1), "names": ("pin", "bore", "out")}
     hole = {"kind": "QUAD4", "n": 12, "radii": (1, 2), "names": ("hole", "in", "rim")}
     write("pin.msh", cut_skin(rings(pin, hole, dim=2), "out").mesh)
-    assert main(["info", "pin.msh", "--verbose"]) == 0
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("out:")]
+    (line,) = [line for line in run("info pin.msh --verbose").splitlines() if line.startswith("out:")]
     assert "circle, radius 1, 8 nodes" in line and "up to 45 degrees" in line
-    for given in ([], ["--crease-angle", "40"], ["--surface", "faces"]):
-        assert main(["check", "pin.msh", "--slave", "out", "--master", "in", "--json", *given]) == 0
-        found = json.loads(capsys.readouterr().out)
+    for given in ("", "--crease-angle 40", "--surface faces"):
+        found = json.loads(run(f"check pin.msh --slave out --master in --json {given}"))
         told = [one["message"] for one in found["findings"] if one["rule"] == "few-faces"]
         assert len(told) == (not given) and (abs(found["summary"]["gap"]["mean"]) < 1e-3 if told else not told)
         if told:
