@@ -12,7 +12,7 @@ from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
 from lacmesh.topology.orientation import REVERSED
-from lacmesh.topology.skin import FACE_TYPES, label_rows
+from lacmesh.topology.skin import FACE_TYPES
 from tests.meshes import pad
 
 NAMES = list(CELLS)
@@ -163,12 +163,3 @@ def test_a_reversed_face_is_the_same_face_turned_over(name):
     assert (sign < 0).all()
     assert order[0] == 0 or CELLS[name].dim == 1
     np.testing.assert_allclose(shape(name, there).sum(axis=1), 1)
-
-
-def test_labels_of_rows():
-    rng = np.random.default_rng(0)
-    rows = rng.integers(-1, 4, (500, 3))
-    labels, count = label_rows(rows)
-    _, expected = np.unique(rows, axis=0, return_inverse=True)
-    assert count == expected.max() + 1
-    assert len({(a, b) for a, b in zip(labels, expected.ravel(), strict=True)}) == count

@@ -111,37 +111,29 @@ def test_order_does_not_matter(seed, order, hexa):
     assert one == two
 
 
+#: mesh, its slaves, and how many cells of some types its cut has, also with `hexa` alone
 SPECIAL = {
     "face between two cells": (row(2, prism=False), "between"),
     "face between two cells, turned": (row(2, prism=False, inward=True), "between"),
-    "prism that forces a cone": (row(1), ["between", "end"]),
-    "prism that forces cones along a row": (row(4), "between"),
-    "row": (row(4), "chain"),
-    "quadrangle beside triangle": (BESIDE, "slave"),
+    "prism that forces a cone": (row(1), ["between", "end"], {"HEXA8": 0, "QUAD4": 0}),
+    "prism whose face is no slave forces none": (row(1), "end", {}, {"HEXA8": 6}),
+    "prism that forces cones along a row": (row(4), "between", {"HEXA8": 0}),
+    "row": (row(4), "chain", {}, {"PYRAM5": 0}),
+    "quadrangle (3) beside triangle (2)": (BESIDE, "slave", {"TRIA3": 5, "QUAD4": 0, "SEG2": 2}),
     "two zones that share a face": (ZONES, ["b", "a"]),
     "two faces": (cell_with_faces("HEXA8", (0, 5)), "slave"),
+    "full prism": (cell_with_faces("PENTA18"), "slave", {"TRIA6": 3, "PYRAM14": 3, "TETRA10": 1, "PENTA18": 0}),
 }
 
 
 @pytest.mark.parametrize("hexa", VARIANTS)
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_meshes(name, hexa):
-    mesh, slave = SPECIAL[name]
-    properties.all_hold(mesh, cut_skin(mesh, slave, hexa=hexa))
-
-
-@pytest.mark.parametrize("mesh, slave, variants, counts", [
-    (row(1), ["between", "end"], VARIANTS, {"HEXA8": 0, "QUAD4": 0}),
-    (row(1), "end", ["hexa"], {"HEXA8": 6}),  # the prism's face is no slave: nothing forces the cone
-    (row(4), "between", VARIANTS, {"HEXA8": 0}),
-    (row(4), "chain", ["hexa"], {"PYRAM5": 0}),
-    (BESIDE, "slave", VARIANTS, {"TRIA3": 5, "QUAD4": 0, "SEG2": 2}),  # 3 for the quadrangle, 2 for the triangle
-    (cell_with_faces("PENTA18", (0,)), "slave", VARIANTS, {"TRIA6": 3, "PYRAM14": 3, "TETRA10": 1, "PENTA18": 0}),
-])  # fmt: skip
-def test_cells_of_special_meshes(mesh, slave, variants, counts):
-    for hexa in variants:
-        found = cut_skin(mesh, slave, hexa=hexa).mesh.cells_by_type
-        assert {kind: found.get(kind, 0) for kind in counts} == counts
+    mesh, slave, *counts = SPECIAL[name]
+    cut = cut_skin(mesh, slave, hexa=hexa)
+    properties.all_hold(mesh, cut)
+    for expected in counts[: 1 + (hexa == "hexa")]:
+        assert {kind: cut.mesh.cells_by_type.get(kind, 0) for kind in expected} == expected
 
 
 def test_children_of_curved_tetrahedra_have_their_parents_own_map():
@@ -282,12 +274,9 @@ def test_a_view_of_a_cut_needs_a_cut():
         Mesh.create(hexa().points, hexa().blocks, cell_number=[1.0, 2.0])
 
 
-def test_cells_of_lower_dimension_in_a_slave_group_are_left():
+def test_cells_of_lower_dimension_in_a_slave_group_are_left_and_those_of_higher_order_elsewhere_are_kept():
     with pytest.warns(LacmeshWarning, match="lower dimension"):
         assert cut_skin(EDGE_TOO, "slave").mesh.cells_by_type == {"TETRA4": 3, "TRIA3": 3, "SEG2": 1}
-
-
-def test_cells_of_higher_order_elsewhere_are_kept():
     far, about = 9 + np.random.default_rng(0).random((20, 3)), {"cell_groups": {"slave": [1], "far": [2]}}
     mesh = corner(("TRIA3", [[0, 2, 1]]), ("TETRA20", [range(4, 24)]), points=far, **about)
     assert cut_skin(mesh, "slave").mesh.cells_by_type == {"TETRA4": 3, "TRIA3": 3, "TETRA20": 1}

@@ -197,11 +197,6 @@ def test_a_stack_has_a_slave_on_a_master():
     assert len(below.cell_groups["slave"]) == 2 and len(below.cell_groups["master"]) == 3
 
 
-def test_a_stack_can_be_cut():
-    mesh = lacmesh.cut_skin(stack(box(2), box(3)), "slave").mesh
-    assert not lacmesh.check(mesh, "slave", "master").errors
-
-
 def test_moved_by_a_function_or_a_shift():
     mesh = rectangle(2, kind="TRIA6")
     assert (mesh.moved((1, 2)).points == mesh.points + np.array([1, 2, 0])).all()
@@ -245,13 +240,6 @@ def test_faces_become_cells_after_those_that_there_are():
     ).all()
     flow = sum(outflow(new.only("body", name)) for name in ("left", "top"))
     assert flow == pytest.approx((0.0 + 1.0) / 3)
-
-
-def test_inner_faces_are_a_crack():
-    mesh = box(4, kind="TETRA10").with_groups("inner", crack=lambda x: (x[2] == 0.5) & (x[0] <= 0.5))
-    assert len(mesh.cell_groups["crack"]) == 16
-    opened = lacmesh.split(mesh, "crack")
-    assert len(opened.cell_groups["crack_a"]) == len(opened.cell_groups["crack_b"]) == 16
 
 
 def test_joined_meshes_keep_groups_and_data_and_merge_nothing():

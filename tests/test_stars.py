@@ -11,10 +11,9 @@ import lacmesh
 import lacsolver as ls
 from lacmesh.cutting.recognition import find_macros
 from lacmesh.cutting.select import slave_skin
-from lacmesh.cutting.stars import find_stars
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.exchange.multipliers import aster_multipliers
-from lacmesh.generate import box, rectangle, sphere, stack
+from lacmesh.generate import box, rectangle, stack
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.alternation import alternating
@@ -120,14 +119,6 @@ def test_code_aster_has_no_multipliers_for_stars_and_no_cut_is_recognised_in_the
         aster_multipliers(cut)
     bare = replace(cut.mesh, cell_data={}, node_data={}, zones=())
     assert find_macros(bare, slave_skin(bare, ["top"])).n_cut == 0
-
-
-def test_the_partition_is_the_same_compiled_and_as_it_stands(monkeypatch):
-    mesh = sphere(5, kind="TETRA4", distortion=0.12, seed=2)
-    skin = slave_skin(mesh, ["outer"])
-    found = find_stars(mesh, skin.faces, skin.zone[skin.first])
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    assert np.array_equal(find_stars(mesh, skin.faces, skin.zone[skin.first]).macro, found.macro)
 
 
 @pytest.mark.rows("TETRA4-True", "HEXA8-False", "PENTA6-True", "TETRA10-False")

@@ -13,7 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
-from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
+from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacmesh.partition.parts import bisect
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
@@ -294,16 +294,6 @@ def test_several_zones_and_a_master():
     mesh = read(BLOCKS)
     parts = check(mesh, 4, ("slave", "top"), everywhere=("slave", "top", "master"))
     assert parts[0].mesh.zones == ("slave", "top")
-
-
-def test_parts_that_are_read_are_cut_as_those_in_memory(tmp_path):
-    mesh = read(BLOCKS)
-    owner = distribute_nodes(mesh, 3)
-    write_parts(tmp_path, mesh, owner)
-    for rank in range(3):
-        groups = {"everywhere": ["slave", "master"]}
-        there, here = part_of(mesh, owner, rank, **groups), read_part(tmp_path, rank, **groups)
-        assert differences(cut_part(there, "slave"), cut_part(here, "slave")) == []
 
 
 def test_numbers_follow_the_largest_of_the_whole_mesh_which_another_part_has():
