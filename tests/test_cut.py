@@ -16,10 +16,11 @@ from lacmesh.mesh import Model, Periodic
 from lacmesh.quality import validity_of
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
-from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, lenient, random_mesh, renumbered, rotate, worst
+from tests.properties import CONFORMING, DOFS, IN_ORDER, KEPT, UNTOUCHED, hold
 from tests.samples import samples
 from tests.test_cut_cells import in_file
+from verification.measures.cutting import same_up_to_numbers, sizes
 
 VARIANTS = ("pyramid", "hexa", "auto")
 
@@ -90,7 +91,7 @@ def test_random_meshes(seed, dim, order, hexa, interior, twins, slaves):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves, interior, twins)
     with lenient():
         cut = cut_skin(mesh, "slave", hexa=hexa)
-    properties.all_hold(mesh, cut)
+    hold(mesh, cut)
     np.testing.assert_allclose(cut.mesh.node_data["heat"], cut.mesh.points @ [1.0, 2.0, 3.0], atol=1e-12)
     np.testing.assert_allclose(cut.mesh.node_data["where"], cut.mesh.points, atol=1e-12)
     assert len(cut.mesh.node_groups["every"]) == cut.mesh.n_nodes
@@ -107,8 +108,7 @@ def test_order_does_not_matter(seed, order, hexa):
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, 3, order, slaves=6, interior=True)
     other, _ = renumbered(mesh, rng)
-    one, two = (properties.canonical(cut_skin(m, "slave", hexa=hexa).mesh) for m in (other, mesh))
-    assert one == two
+    assert same_up_to_numbers(*(cut_skin(m, "slave", hexa=hexa).mesh for m in (other, mesh)))
 
 
 #: mesh, its slaves, and how many cells of some types its cut has, also with `hexa` alone
@@ -131,7 +131,7 @@ SPECIAL = {
 def test_special_meshes(name, hexa):
     mesh, slave, *counts = SPECIAL[name]
     cut = cut_skin(mesh, slave, hexa=hexa)
-    properties.all_hold(mesh, cut)
+    hold(mesh, cut)
     for expected in counts[: 1 + (hexa == "hexa")]:
         assert {kind: cut.mesh.cells_by_type.get(kind, 0) for kind in expected} == expected
 
@@ -141,7 +141,7 @@ def test_children_of_curved_tetrahedra_have_their_parents_own_map():
     cut = cut_skin(mesh, "inner")
     solid = np.flatnonzero((cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == 3))
     parents = np.searchsorted(mesh.cell_number, cut.parent_of_cell[solid])
-    size, whole = (properties.volumes(m) for m in (cut.mesh, mesh))
+    size, whole = (sizes(m) for m in (cut.mesh, mesh))
     np.testing.assert_allclose(np.bincount(parents, size[solid])[parents], whole[parents], rtol=1e-12)
     assert validity_of(cut.mesh).min() > 0
     on_faces = shape("TRIA6", np.array([(2, 2), (1, 1), (4, 1), (1, 4)]) / 6) @ mesh.points[mesh.block("TRIA6")]
@@ -154,8 +154,7 @@ def test_children_of_curved_tetrahedra_have_their_parents_own_map():
 def test_skin_only_cuts_a_shell(hexa, kind):
     mesh = shell(kind)
     cut = cut_skin(mesh, "slave", hexa=hexa, skin_only=True)
-    for holds in (properties.skin_is_in_order, properties.owns_internal_dofs, properties.groups_follow):
-        holds(mesh, cut)
+    hold(mesh, cut, IN_ORDER, DOFS, KEPT)
     assert cut.n_macros == mesh.n_cells
 
 
@@ -181,7 +180,7 @@ def test_a_face_that_is_there_twice_is_cut_twice(listed):
     else:
         cut = cut_skin(mesh, "slave")
         assert not {*cut.mesh.cell_groups["other"]} & {*cut.faces_of_macro[0]}
-    properties.is_conforming(mesh, cut)
+    hold(mesh, cut, CONFORMING, UNTOUCHED)
     assert cut.n_macros == 1 and cut.mesh.cells_by_type == {"TRIA3": 8, "PYRAM5": 5}
     one, two = (
         {frozenset(n.tolist()) for _, _, rows in cut.mesh.select(cells) for n in rows}
@@ -300,7 +299,7 @@ def test_ring_and_depth(name, centre, ring):
     mesh = cell_with_faces(name)
     for depth in (0.25, 0.5, 0.75):
         cut = cut_skin(mesh, "slave", hexa="hexa", ring=ring, depth=depth)
-        properties.all_hold(mesh, cut)
+        hold(mesh, cut)
         ((kind, _, nodes),) = cut.mesh.select(cut.faces_of_macro[0])
         area = measure(kind, cut.mesh.points[nodes])
         np.testing.assert_allclose(area[centre] / area.sum(), ring ** (CELLS[name].dim - 1), rtol=1e-12)

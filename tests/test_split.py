@@ -17,8 +17,8 @@ from lacmesh.cutting.split import split_skins
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.topology.orientation import face_normals, reverse
 from lacmesh.topology.skin import faces_of
-from tests import properties
 from tests.meshes import facets_of, random_mesh
+from verification.measures.cutting import sizes
 
 BODIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 DOCS = Path(__file__).parents[1] / "docs"
@@ -106,7 +106,7 @@ def same_solids(mesh, new, opened):
 
 
 def solid_volume(mesh):
-    return abs(properties.volumes(mesh)[mesh.cell_dim == mesh.dim]).sum()
+    return abs(sizes(mesh)[mesh.cell_dim == mesh.dim]).sum()
 
 
 def outward_pairs(new, name):
