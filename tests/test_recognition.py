@@ -11,7 +11,6 @@ import pytest
 
 import lacmesh
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
-from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS
 from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.cutting.select import slave_skin
@@ -20,7 +19,7 @@ from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
 from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
-from tests.test_cut_cells import CASES, CUTS, after_aster, ways
+from tests.test_cut_cells import BODIES, CUTS, after_aster, cuts
 
 
 def facts(cut):
@@ -39,23 +38,9 @@ def same(cut, found):
 # ---- what we cut
 
 
-@pytest.mark.rows(
-    "TRIA3-1-pyramid, TRIA6-2-pyramid, TRIA7-0-pyramid, QUAD4-3-pyramid, QUAD8-0-pyramid, QUAD9-0-pyramid, "
-    "TETRA4-1-pyramid, TETRA10-1-pyramid, HEXA8-0-hexa, HEXA20-1-hexa, HEXA27-5-pyramid, PENTA6-1-pyramid, "
-    "PENTA15-0-pyramid, PENTA18-0-pyramid, PYRAM5-1-pyramid, PYRAM13-3-pyramid, PYRAM14-4-pyramid"
-)
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "j", "variant"), CASES)
-def test_one_slave_face(name, j, variant):
-    for rotation, inward in ways(name, j):
-        cut = cut_skin(cell_with_faces(name, (j,), rotation, inward), "slave", hexa=variant)
-        same(cut, recognise(without_records(cut.mesh), "slave"))
-
-
-@pytest.mark.parametrize(("name", "variant"), sorted({(name, variant) for name, _, variant in CASES}))
-def test_several_slave_faces_of_one_cell(name, variant):
-    for n in range(2, len(CELLS[name].facets) + 1):
-        cut = cut_skin(cell_with_faces(name, tuple(range(n)), n, bool(n % 2)), "slave", hexa=variant)
+@pytest.mark.parametrize("name", BODIES)
+def test_cells_by_every_facet_turn_variant_and_set_of_facets(name):
+    for _, cut in cuts(name):
         same(cut, recognise(without_records(cut.mesh), "slave"))
 
 

@@ -11,12 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lacmesh
+from lacmesh import generate
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.elements import element
-from lacmesh.generate.parts import assembled
 from tests.lacsolver.deck_texts import Block
 from tests.meshes import lenient
-from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
@@ -119,16 +118,9 @@ def two_blocks(kind):
 
     Their groups are those of `PRESSED`; other sides have no cells.
     """
-    dim = CELLS[kind].dim
-    up, low = "xyz"[dim - 1], np.array([1.0, 0.0]) if dim == 2 else np.zeros(3)
-    parts = []
-    for body, n, below, above in (("lower", 2, "base", "slave"), ("upper", 3, "master", "press")):
-        names = {"": body, f"{up}0": below, f"{up}1": above}
-        box = block(kind, n, low, low + 1)
-        rows = {(face, names[side]): nodes for (face, side), nodes in rows_of(box).items() if side in names}
-        parts.append((assembled(box.points, rows, dim), {}))
-        low[-1] += 1
-    mesh = joined(parts, keep=True)
+    make, corner = (generate.rectangle, (1, 0)) if CELLS[kind].dim == 2 else (generate.box, (0, 0, 0))
+    mesh = generate.stack(*(make(n, 1.0, kind, corner=corner) for n in (2, 3)), slave="lower")
+    mesh = mesh.renamed(bottom="base", top="press").only("lower", "base", "slave", "upper", "master", "press")
     return replace(mesh, node_groups={"all": np.arange(mesh.n_nodes)})
 
 
