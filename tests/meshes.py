@@ -11,6 +11,7 @@ from scipy.spatial import Delaunay
 from lacmesh import LacmeshWarning, Mesh, generate, measure_quality, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
+from verification.families.cut import listed
 
 
 def pad(points):
@@ -64,32 +65,9 @@ def cell_with_faces(name, facets=(0,), rotation=0, inward=False, seed=0):
     blocks = {name: [np.arange(cell.n_nodes)]}
     for j in facets:
         facet = cell.facets[j]
-        blocks.setdefault(facet.type, []).append(rotate(np.array(facet.nodes), facet.type, rotation, inward))
-    made = [(kind, np.array(rows)) for kind, rows in blocks.items()]
-    n = sum(len(rows) for _, rows in made)
-    return Mesh.create(
-        points,
-        made,
-        cell_groups={"slave": np.arange(1, n), "body": [0]},
-        node_groups={"all": np.arange(cell.n_nodes)},
-    )
-
-
-def rotate(nodes, face, rotation, inward):
-    """A face's nodes listed from another corner, or the other way round; built from edges, not from tables."""
-    cell = CELLS[face]
-    n = cell.n_corners
-    if n < 3:
-        order = [0, 1] if not inward else [1, 0]
-        return np.array([nodes[k] for k in order] + list(nodes[2:]))
-    step = -1 if inward else 1
-    corners = [(rotation + step * k) % n for k in range(n)]
-    out = [nodes[c] for c in corners]
-    if cell.order == 2:
-        mid = {frozenset((k, (k + 1) % n)): nodes[n + k] for k in range(n)}
-        out += [mid[frozenset((a, b))] for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        out += list(nodes[2 * n :])
-    return np.array(out)
+        blocks.setdefault(facet.type, []).append(listed(np.array(facet.nodes), facet.type, rotation, inward))
+    groups = {"slave": np.arange(1, 1 + len(facets)), "body": [0]}
+    return Mesh.create(points, blocks.items(), cell_groups=groups, node_groups={"all": np.arange(cell.n_nodes)})
 
 
 def box(n=2, size=1.0):
@@ -179,7 +157,7 @@ def random_mesh(rng, dim=3, order=1, slaves=3, interior=False, twins=False, orph
     for key in chosen:
         _, _, face, nodes = table[key][0]
         for _ in range(2 if twins and rng.random() < 0.5 else 1):
-            skin.setdefault(face, []).append(rotate(nodes, face, int(rng.integers(4)), bool(rng.random() < 0.5)))
+            skin.setdefault(face, []).append(listed(nodes, face, int(rng.integers(4)), bool(rng.random() < 0.5)))
     blocks |= skin
     if orphans:
         points = np.vstack([points, rng.uniform(2, 3, (2, 3)) * [1, 1, dim == 3]])
