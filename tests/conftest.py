@@ -1,7 +1,5 @@
 """What a machine may lack skips its tests. With LACMESH_ALL=1 (`make test`) that is an error, as any other skip."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Meshes that tests are run on: reference cells, and random conforming mixtures of every type."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import contextmanager
 
@@ -164,11 +162,12 @@ def random_mesh(rng, dim=3, order=1, slaves=3, interior=False, twins=False, orph
     names = list(blocks)
     order_of_types = [names[i] for i in rng.permutation(len(names))]
     made = [(t, np.array(blocks[t])) for t in order_of_types]
-    mesh = _dress(rng, points, made, skin, dim)
+    mesh = dressed(rng, points, made, skin, dim)
     return raise_order(mesh, {2: "2", 3: "2-full"}[order]) if order > 1 else mesh
 
 
-def _dress(rng, points, made, skin, dim):
+def dressed(rng, points, made, skin, dim):
+    """A mesh of blocks `made`, those of `skin` the group `slave`, with random numbers, order, groups and data."""
     n_cells = sum(len(rows) for _, rows in made)
     starts = dict(zip([t for t, _ in made], np.cumsum([0, *(len(r) for _, r in made)]), strict=False))
     faces = np.concatenate([starts[t] + np.arange(len(rows)) for t, rows in skin.items()])

@@ -1,7 +1,5 @@
 """Properties of every cut: those that the verification counts, and where the children of a cell stand in the file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from verification.measures.cutting import PROPERTIES, violations

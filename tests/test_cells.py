@@ -1,7 +1,5 @@
 """The table of cells, its shape functions and quadrature: each row proved by an identity, none left out."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import factorial
 

@@ -3,8 +3,6 @@
 What all commands share is in test_commands.py, wrong inputs are in tests/bad_input.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The cut of whole meshes: properties that hold for every mesh, what it makes of special ones, what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

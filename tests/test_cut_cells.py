@@ -1,7 +1,5 @@
 """Every type, facet, rotation, orientation and variant of the cut, on one cell; and code_aster's own cuts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`lacmesh cut`: the report of its cost, the cells that it refuses, the programs that it cuts for, the master."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """data/: its manifest, scripts and examples, a first case for a mesh; the sizes of cells and groups."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

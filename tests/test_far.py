@@ -1,7 +1,5 @@
 """Messages on a mesh depend neither on where it lies nor on its unit of length."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

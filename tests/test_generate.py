@@ -1,7 +1,5 @@
 """Meshes made in a line: areas and volumes, skins outward, nodes on curved sides, groups, joints, mistakes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

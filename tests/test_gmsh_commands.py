@@ -1,7 +1,5 @@
 """`lacmesh mesh`: what is listed of CAD files, their meshes, and wrong requests."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """gmsh's current model: as a mesh, cut in place, made from a mesh; against files, by way of gmsh's own functions."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """The mesh as a value: nothing writes into it, groups are named alike everywhere; and a mesh of a higher order."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import subprocess

@@ -1,7 +1,5 @@
 """Skins turned outward: faces with a cell behind, bare skins, macro-elements; nothing else changes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pages: their commands and examples run and print what stands there; links, tables, figures and lists of names."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import doctest

@@ -1,7 +1,5 @@
 """Quality by what it must be: ideal cells, motions that change nothing, cells spoilt in known ways, statistics."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

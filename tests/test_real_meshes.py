@@ -1,7 +1,5 @@
 """Whole files, cut, written, and opened by the programs that people use; a generated twin of each always runs."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

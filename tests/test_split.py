@@ -1,7 +1,5 @@
 """A mesh that is split: sides, copies of nodes, front and junctions against plain searches; nothing else changes."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Macro-elements of whole faces: stars around nodes that own a dof, on every type of face, without a cut."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

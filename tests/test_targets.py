@@ -1,7 +1,5 @@
 """Targets: what each takes, and what a cut would give it, said before it is made."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Topology against plain twins: pairs of facets by a table, pairs of boxes all compared, components by scipy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import coo_array

@@ -1,7 +1,5 @@
 """Helpers of tests of pictures: the folder of examples, tones, and a browser without a window."""
 
-from __future__ import annotations
-
 import subprocess
 
 import numpy as np

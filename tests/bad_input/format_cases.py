@@ -1,7 +1,5 @@
 """Errors in files of each format as such: in their sections, counts and numbers, and in the HDF5 file beside XDMF."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

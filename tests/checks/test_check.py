@@ -1,7 +1,5 @@
 """The check: each broken mesh is named by its rule; records, places, crossing faces; pairs; the page and commands."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

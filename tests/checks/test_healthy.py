@@ -1,7 +1,5 @@
 """Nothing is said against healthy meshes, curved, closed, warped, cut off; of mangled ones whatever is wrong."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fixtures that tests of several formats have in common."""
 
-from __future__ import annotations
-
 import pytest
 
 

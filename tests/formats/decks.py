@@ -1,7 +1,5 @@
 """Decks and jobs of our own, two bodies in contact with a little of all that decks hold; and CalculiX's answers."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from dataclasses import replace

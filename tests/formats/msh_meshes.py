@@ -1,7 +1,5 @@
 """Random small meshes that use all a msh file can hold; meshes as plain values, by number, and as gmsh reads them."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 

@@ -2,8 +2,6 @@
 
 Decks of parts and instances are carried as they stand, and written without parts once their mesh has changed."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import warnings

@@ -4,8 +4,6 @@ Damaged files of every format: an error in one sentence, or a sound mesh. What i
 `tests/bad_input`; files that are damaged at random are in `tests/fuzz`.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import re

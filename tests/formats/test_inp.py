@@ -2,8 +2,6 @@
 
 Damaged files are in `test_formats_table.py`; what becomes of a deck's other cards is in `test_deck.py`."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MED: what we write and read again is the same; medcoupling and gmsh see the same; what is left out is said."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """msh: what is written is read back, gmsh and we see the same; the table of entities, split where groups differ."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np

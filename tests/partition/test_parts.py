@@ -1,7 +1,5 @@
 """Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 
@@ -19,7 +17,7 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
-from tests.meshes import box, facets_of, random_mesh
+from tests.meshes import box, dressed, facets_of, random_mesh
 from tests.partition.compare import differences
 from tests.samples import each_option
 
@@ -220,22 +218,10 @@ def with_slave(mesh, *owned, copies=1, numbers=range(6)):
     for owners in facets_of(mesh).values():
         if len(owners) in owned and owners[0][1] in numbers:
             skin.setdefault(owners[0][2], []).append(owners[0][3])
-    blocks = [(b.type, b.nodes) for b in mesh.blocks]
-    blocks += [(kind, np.repeat(rows, copies, axis=0)) for kind, rows in skin.items()]
-    n = sum(len(nodes) for _, nodes in blocks)
-    rng = np.random.default_rng(0)
-    return Mesh.create(
-        mesh.points,
-        blocks,
-        space_dim=mesh.space_dim,
-        node_number=rng.permutation(3 * mesh.n_nodes)[: mesh.n_nodes] + 1,
-        cell_number=rng.permutation(3 * n)[:n] + 1,
-        file_order=rng.permutation(n),
-        cell_groups={"slave": np.arange(mesh.n_cells, n, copies), "body": np.arange(mesh.n_cells)},
-        node_groups={"half": np.arange(0, mesh.n_nodes, 2), "all": np.arange(mesh.n_nodes)},
-        cell_data={"colour": rng.random(n)},
-        node_data={"heat": rng.random(mesh.n_nodes)},
-    )
+    skin = {kind: np.repeat(rows, copies, axis=0) for kind, rows in skin.items()}
+    blocks = [*((b.type, b.nodes) for b in mesh.blocks), *skin.items()]
+    whole = dressed(np.random.default_rng(0), mesh.points, blocks, skin, mesh.space_dim)
+    return replace(whole, cell_groups=whole.cell_groups | {"slave": np.arange(mesh.n_cells, whole.n_cells, copies)})
 
 
 def check(mesh, n, slave=("slave",), hexa="pyramid", everywhere=None):

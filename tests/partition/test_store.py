@@ -1,7 +1,5 @@
 """Parts in a file are those of the whole mesh; damage is refused; the commands `partition` and `info`; METIS."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

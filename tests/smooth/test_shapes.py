@@ -1,7 +1,5 @@
 """Shapes of skins: exact ones on nodes that lie on them and nowhere else, of few faces too; what the commands say."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
 
-from __future__ import annotations
-
 import itertools
 import time
 

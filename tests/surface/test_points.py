@@ -1,7 +1,5 @@
 """Contact points: exact integrals, balance, gaps against closed forms, bodies that must not pair, mortar matrices."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from dataclasses import replace
