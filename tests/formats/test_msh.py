@@ -11,17 +11,7 @@ from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
-from tests.formats.msh_meshes import (
-    as_seen,
-    by_place,
-    decided,
-    entities,
-    meshes,
-    places,
-    plain,
-    seen_by,
-    two_boxes,
-)
+from tests.formats.msh_meshes import as_seen, by_place, decided, entities, meshes, places, plain, seen_by, two_boxes
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.texts import ASCII4, OLD, swapped
 from tests.meshes import lenient
