@@ -11,10 +11,11 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.generate import box, cylinder, disc, grid, kinds, line, rectangle, ring, sphere, stack
 from lacmesh.quality import validity_of
-from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.facets import ALONE, CROWDED, Facets
 from tests.samples import each_option
+from verification.measures.cutting import sizes
 
 #: shape -> how it is made of a kind, its exact size, its sides
 FLAT = {
@@ -60,9 +61,8 @@ def made(shape, kind, **options):
 
 
 def size_of(mesh, dim=None):
-    """Area or volume of the cells of the highest dimension."""
-    dim = mesh.dim if dim is None else dim
-    return sum(measure(b.type, mesh.points[b.nodes]).sum() for b in mesh.blocks if CELLS[b.type].dim == dim)
+    """Area or volume of the cells of a dimension, the highest by default."""
+    return sizes(mesh)[mesh.cell_dim == (dim or mesh.dim)].sum()
 
 
 def outflow(mesh):

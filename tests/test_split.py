@@ -13,7 +13,7 @@ from lacmesh import LacmeshWarning, Mesh, check, cut_skin, generate, measure_qua
 from lacmesh.cells import CELLS
 from lacmesh.cutting.split import split_skins
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
-from lacmesh.topology.orientation import face_normals, reverse
+from lacmesh.topology.orientation import analyse_orientation, face_normals, reverse
 from lacmesh.topology.skin import faces_of
 from tests.meshes import facets_of, random_mesh
 from verification.measures.cutting import sizes
@@ -109,18 +109,11 @@ def solid_volume(mesh):
 
 def outward_pairs(new, name):
     """Each face of a skin belongs to one cell, points out of it, and has one of the other skin at its place."""
-    table, at = facets_of(new), []
-    for end in "ab":
-        places = []
-        for kind, _, nodes in new.select(new.cell_groups[f"{name}_{end}"]):
-            n = CELLS[kind].n_corners
-            for row in nodes:
-                ((_, _, _, there),) = table[tuple(sorted(row[:n].tolist()))]
-                corners, ring = row[:n].tolist(), there[:n].tolist()
-                k = ring.index(corners[0])
-                assert corners == (ring[k:] + ring[:k] if n > 2 else ring)
-                places.append(tuple(sorted(map(tuple, np.round(new.points[row], 12).tolist()))))
-        at.append(sorted(places))
+    at = []
+    for cells in (new.cell_groups[f"{name}_{end}"] for end in "ab"):
+        assert not any(map(len, vars(analyse_orientation(new, cells)).values()))
+        rows = (row for _, _, nodes in new.select(cells) for row in nodes)
+        at.append(sorted(sorted(map(tuple, np.round(new.points[row], 12).tolist())) for row in rows))
     assert at[0] == at[1]
 
 

@@ -17,9 +17,11 @@ from lacmesh.formats.inp.elements import element
 from lacmesh.formats.mail import NODES
 from lacmesh.formats.text import labels, values_in_lines
 from lacmesh.mesh import Mesh
+from lacmesh.topology.orientation import analyse_orientation
 from tests.formats.msh_meshes import meshes
 from tests.formats.texts import INP, MAIL, MORE, PARTS
 from tests.meshes import cell_with_faces, lenient, random_mesh
+from verification.measures.cutting import facets
 
 some = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 
@@ -118,24 +120,11 @@ def test_round_trip(tmp_path_factory, case):
 
 
 def assert_outward(mesh):
-    """Each skin cell lists its corners as a facet of a cell behind it does, and has that facet's nodes."""
-    facets = {}
-    for block in mesh.blocks:
-        if CELLS[block.type].dim == mesh.dim:
-            for facet in CELLS[block.type].facets:
-                for row in block.nodes[:, facet.nodes].tolist():
-                    facets.setdefault(rotated(row, facet.type), set()).add(frozenset(row))
-    for block in mesh.blocks:
-        if CELLS[block.type].dim == mesh.dim - 1:
-            for row in block.nodes.tolist():
-                assert frozenset(row) in facets[rotated(row, block.type)]
-
-
-def rotated(row, kind):
-    """The corners of a face in turn, from the least on."""
-    corners = row[: CELLS[kind].n_corners]
-    k = corners.index(min(corners))
-    return (kind, *corners[k:], *corners[:k]) if len(corners) > 2 else (kind, *corners)
+    """Each skin cell has the nodes of a facet of a cell behind it, and points away from that cell."""
+    skin = np.flatnonzero(mesh.cell_dim == mesh.dim - 1)
+    known = {frozenset(row.tolist()) for own in facets(mesh).values() for _, row in own}
+    assert {frozenset(row) for _, _, nodes in mesh.select(skin) for row in nodes.tolist()} <= known
+    assert not len(analyse_orientation(mesh, skin).to_flip)
 
 
 def test_grammar(tmp_path):
