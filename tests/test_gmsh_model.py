@@ -12,10 +12,10 @@ import lacmesh
 from lacmesh import Cut, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.cutting.recognition import recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh
 from tests.checks.blocks import two_blocks
-from tests.checks.corpus import without_records
 from tests.formats.msh_meshes import entities, plain
 from tests.meshes import cell_with_faces, lenient, random_mesh
 

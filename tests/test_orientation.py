@@ -10,13 +10,14 @@ import lacmesh
 from lacmesh import Mesh, cut_skin, generate
 from lacmesh.cells import CELLS
 from lacmesh.cutting.recognition import recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
 from lacmesh.topology.orientation import REVERSED, analyse_orientation, orient, reverse, skin_cells
 from tests.checks.blocks import SOLIDS, two_blocks
-from tests.checks.corpus import reversed_group, without_records
+from tests.checks.corpus import reversed_group
 from tests.meshes import cell_with_faces, random_mesh, same_nodes
 from tests.properties import DOFS, hold
 from verification.measures.cutting import same_up_to_numbers
@@ -42,11 +43,9 @@ def face_out(mesh, group, centre):
 
 
 def some_reversed(mesh, group, rng):
-    """The mesh with about half of a group's faces turned over, as a plain test of ours does it; and these."""
-    cells = mesh.cell_groups[group]
-    chosen = cells[rng.random(len(cells)) < 0.5]
-    named = replace(mesh, cell_groups={**mesh.cell_groups, "some": chosen})
-    return reversed_group(named, "some"), chosen
+    """The mesh with about half of a group's faces turned over; and these."""
+    chosen = mesh.cells_of(group)[rng.random(len(mesh.cells_of(group))) < 0.5]
+    return reverse(mesh, chosen), chosen
 
 
 @pytest.mark.parametrize("name", SOLIDS)

@@ -10,8 +10,8 @@ import pytest
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.cutting.recognition import find_macros, recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
-from tests.checks.corpus import without_records
 from tests.formats.med_peer import ask
 from tests.meshes import random_mesh
 from tests.properties import CONFORMING, DOFS, KEPT, UNTOUCHED, hold

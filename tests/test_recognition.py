@@ -9,10 +9,10 @@ import pytest
 import lacmesh
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
 from lacmesh.cutting.recognition import find_macros, recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
-from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
 from tests.test_cut_cells import BODIES, CUTS, after_aster, cuts
