@@ -15,6 +15,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
 from lacmesh.mesh import Mesh, Step
+from tests.bad_input.format_cases import STEP, put
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
 from tests.formats.msh_meshes import plain
@@ -34,7 +35,6 @@ ORDERS |= {
     kind: (name, list(range(n))) for kind, name, n in (("POI1", "PO1", 1), ("SEG2", "SE2", 2), ("SEG3", "SE3", 3))
 }
 ORDERS |= {"SEG4": ("SE4", [0, 1, 2, 3])}
-STEP = f"{-1:020d}{-1:020d}"
 
 
 def home_of(file, mesh="mesh"):
@@ -325,15 +325,6 @@ def edited(tmp_path, mesh, change):
     with h5py.File(path, "r+") as file:
         change(file, home_of(file))
     return path
-
-
-def put(group, name, values, **attributes):
-    kept = dict(group[name].attrs) if name in group else {}
-    if name in group:
-        del group[name]
-    group[name] = values
-    for key, value in (kept | attributes).items():
-        group[name].attrs[key] = value
 
 
 def test_several_meshes(tmp_path, cube):
