@@ -70,7 +70,7 @@ def pytest_pycollect_makeitem(collector, obj):
     found = yield
     marks = getattr(obj, "pytestmark", ()) if found else ()
     for mark in (mark for mark in marks if mark.name == "rows"):
-        named = {row for text in mark.args for row in text.split(", ")}
+        named = {row for text in mark.args for row in text.split("; ")}
         others = [item for item in found if item.callspec.id not in named]
         if len(found) != len(others) + len(named):
             raise collector.CollectError(f"{obj.__name__} has no rows {named - {item.callspec.id for item in found}}")

@@ -82,9 +82,9 @@ def nodes_of(mesh, group):
 
 
 @pytest.mark.rows(
-    "rectangle-TRIA3, rectangle-QUAD9, ring-TRIA6, arc-TRIA7, disc-QUAD4, half a disc-QUAD8, box-TETRA4, "
-    "box-PENTA15 quadrangle, tube-TETRA10, tube-PENTA18, cylinder-HEXA8, quarter-HEXA20, quarter-PYRAM5 triangle, "
-    "quarter-PYRAM14 triangle, sphere-HEXA27, hollow sphere-PENTA6, hollow sphere-PYRAM13 triangle"
+    "rectangle-TRIA3; rectangle-QUAD9; ring-TRIA6; arc-TRIA7; disc-QUAD4; half a disc-QUAD8; box-TETRA4; "
+    "box-PENTA15 quadrangle; tube-TETRA10; tube-PENTA18; cylinder-HEXA8; quarter-HEXA20; quarter-PYRAM5 triangle; "
+    "quarter-PYRAM14 triangle; sphere-HEXA27; hollow sphere-PENTA6; hollow sphere-PYRAM13 triangle"
 )
 @pytest.mark.parametrize("shape, kind", each_option(FILLED))
 def test_every_kind_fills_every_shape(shape, kind):

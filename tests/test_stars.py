@@ -34,7 +34,7 @@ def parts(cut):
 
 
 @pytest.mark.rows(
-    "TETRA4-0.12, PENTA6-0.0, HEXA8-0.12, PYRAM5-0.12, TETRA10-0.12, PENTA15-0.0, PENTA18-0.12, HEXA27-0.0, PYRAM14-0.0"
+    "TETRA4-0.12; PENTA6-0.0; HEXA8-0.12; PYRAM5-0.12; TETRA10-0.12; PENTA15-0.0; PENTA18-0.12; HEXA27-0.0; PYRAM14-0.0"
 )
 @pytest.mark.parametrize("distortion", [0.0, 0.12])
 @pytest.mark.parametrize("kind", KINDS)

@@ -247,8 +247,8 @@ FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 
 
 @pytest.mark.rows(
-    "1-TRIA3-3, 1-TRIA7-1, 1-TETRA4-1, 1-TETRA10-8, 1-PENTA6-8, 1-PENTA15-3, 1-PENTA18-2, 1-PYRAM5-1, 1-PYRAM13-8, "
-    "1-PYRAM14-3, 2-TRIA6-2, 2-QUAD4-8, 2-QUAD8-3, 2-QUAD9-2, 2-HEXA8-3, 2-HEXA20-2, 2-HEXA27-1"
+    "1-TRIA3-3; 1-TRIA7-1; 1-TETRA4-1; 1-TETRA10-8; 1-PENTA6-8; 1-PENTA15-3; 1-PENTA18-2; 1-PYRAM5-1; 1-PYRAM13-8; "
+    "1-PYRAM14-3; 2-TRIA6-2; 2-QUAD4-8; 2-QUAD8-3; 2-QUAD9-2; 2-HEXA8-3; 2-HEXA20-2; 2-HEXA27-1"
 )
 @pytest.mark.parametrize(("name", "n"), each_option(product(FAMILIES, (3, 2, 1, 8))))
 @pytest.mark.parametrize("owners", [1, 2])
