@@ -36,23 +36,17 @@ def test_names_and_numbers_of_all_types():
 
 
 @pytest.mark.gmsh
-def test_reference_nodes_and_msh_numbers_are_gmshs():
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        for name, cell in ALL_CELLS.items():
-            if cell.msh is None or cell.dim == 0:
-                continue
-            if name in ("PENTA40", "PENTA75"):  # gmsh has no properties of these, only their number
-                assert gmsh.model.mesh.getElementType("Prism", 3 if name == "PENTA40" else 4) == cell.msh
-                continue
-            _, dim, _, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.msh)
-            assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners), name
-            if name in CELLS:
-                np.testing.assert_allclose(np.reshape(local, (n_nodes, dim)), cell.reference, atol=1e-12)
-    finally:
-        gmsh.finalize()
+def test_reference_nodes_and_msh_numbers_are_gmshs(gmsh):
+    for name, cell in ALL_CELLS.items():
+        if cell.msh is None or cell.dim == 0:
+            continue
+        if name in ("PENTA40", "PENTA75"):  # gmsh has no properties of these, only their number
+            assert gmsh.model.mesh.getElementType("Prism", 3 if name == "PENTA40" else 4) == cell.msh
+            continue
+        _, dim, _, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.msh)
+        assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners), name
+        if name in CELLS:
+            np.testing.assert_allclose(np.reshape(local, (n_nodes, dim)), cell.reference, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim])

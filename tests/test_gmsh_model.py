@@ -19,17 +19,7 @@ from tests.checks.blocks import two_blocks
 from tests.formats.msh_meshes import entities, plain
 from tests.meshes import cell_with_faces, lenient, random_mesh
 
-pytestmark = pytest.mark.gmsh
-
-
-@pytest.fixture(autouse=True)
-def gmsh():
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield gmsh
-    gmsh.finalize()
+pytestmark = [pytest.mark.gmsh, pytest.mark.usefixtures("gmsh")]
 
 
 # ---- models: as gmsh's scripts, with a slave as `cut_model` takes it, and a group of it

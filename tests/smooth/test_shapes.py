@@ -338,26 +338,19 @@ def test_few_nodes_are_no_shape_and_fewer_have_no_fit(points, lacks):
 @pytest.mark.rows("4.0-False")
 @pytest.mark.gmsh
 @pytest.mark.parametrize(("size", "quads"), [(4.0, False), (2.0, False), (2.0, True)])
-def test_a_bore_its_fillet_and_the_planes_beside_it(size, quads):
+def test_a_bore_its_fillet_and_the_planes_beside_it(size, quads, gmsh):
     """A plate of 40 x 40 x 10 whose bore goes by a tangential fillet into the plane on top: one patch, three shapes."""
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        occ = gmsh.model.occ
-        body, _ = occ.cut([(3, occ.addBox(-20, -20, 0, 40, 40, 10))], [(3, occ.addCylinder(0, 0, -1, 0, 0, 12, 8))])
-        occ.synchronize()
-        boxes = {tag: gmsh.model.getBoundingBox(1, tag) for _, tag in gmsh.model.getEntities(1)}
-        edge = [tag for tag, box in boxes.items() if abs(box[3] - 8) < 0.1 and box[2] > 9]
-        occ.fillet([body[0][1]], edge, [3.0])
-        occ.synchronize()
-        for name, value in (("MeshSizeMin", size), ("MeshSizeMax", size), ("RecombineAll", int(quads))):
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-        gmsh.model.mesh.generate(2)
-        mesh = to_mesh()
-    finally:
-        gmsh.finalize()
+    occ = gmsh.model.occ
+    body, _ = occ.cut([(3, occ.addBox(-20, -20, 0, 40, 40, 10))], [(3, occ.addCylinder(0, 0, -1, 0, 0, 12, 8))])
+    occ.synchronize()
+    boxes = {tag: gmsh.model.getBoundingBox(1, tag) for _, tag in gmsh.model.getEntities(1)}
+    edge = [tag for tag, box in boxes.items() if abs(box[3] - 8) < 0.1 and box[2] > 9]
+    occ.fillet([body[0][1]], edge, [3.0])
+    occ.synchronize()
+    for name, value in (("MeshSizeMin", size), ("MeshSizeMax", size), ("RecombineAll", int(quads))):
+        gmsh.option.setNumber(f"Mesh.{name}", value)
+    gmsh.model.mesh.generate(2)
+    mesh = to_mesh()
     found = fit_surface(replace(mesh, cell_groups={"skin": np.flatnonzero(mesh.cell_dim == 2)}), "skin")
     kinds = [one.shape for one in found]
     assert kinds.count("plane") == 6 and kinds.count("cylinder") == 1 and "free form" not in kinds
