@@ -14,7 +14,7 @@ from lacmesh.mesh import Model, Periodic
 from lacmesh.quality import validity_of
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
-from tests.meshes import affine, box, cell_with_faces, facets_of, lenient, random_mesh, renumbered, worst
+from tests.meshes import affine, cell_with_faces, lenient, random_mesh, renumbered, worst
 from tests.properties import CONFORMING, DOFS, IN_ORDER, KEPT, UNTOUCHED, hold
 from tests.samples import samples
 from tests.test_cut_cells import in_file
@@ -42,14 +42,6 @@ def corner(*blocks, points=(), **about):
     return Mesh.create(points, [("TETRA4", [[0, 1, 2, 3]]), *blocks], **about)
 
 
-def cube(n, skin, **groups):
-    """n^3 HEXA8 after the cells that `skin` makes of the faces on top."""
-    points, hexas = box(n)
-    facets = facets_of(Mesh.create(points, [("HEXA8", hexas)]))
-    top = [owners[0][3] for corners, owners in facets.items() if (points[list(corners), 2] == 1).all()]
-    return Mesh.create(points, [("QUAD4", skin(top)), ("HEXA8", hexas)], cell_groups=groups)
-
-
 def row(n, prism=True, inward=False):
     """A row of n HEXA8, then a PENTA6. Groups of faces: `between` cells, `chain` between hexahedra, `end`."""
     at = lambda x, y, z: x + (n + 1) * (y + 2 * z)  # noqa: E731
@@ -71,7 +63,9 @@ BESIDE = Mesh.create(
     [("QUAD4", [[0, 1, 2, 3]]), ("TRIA3", [[1, 4, 2]]), ("SEG2", [[1, 2]])],
     cell_groups={"slave": [2]},
 )
-ZONES = cube(2, lambda top: top, a=[0, 1, 2], b=[2, 3], unused=[4])
+CUBE = generate.box(1).only("body", "top").renamed(top="slave")
+ZONES = generate.box().only("body", "top")
+ZONES = replace(ZONES, cell_groups={"a": np.array([8, 9, 10]), "b": np.array([10, 11]), "unused": np.array([0])})
 GROUPS = {"slave": [1, 2], "volume": [0], "edge": [2], "mixed": [0, 1]}
 EDGE_TOO = corner(("TRIA3", [[0, 2, 1]]), ("SEG2", [[0, 1]]), cell_groups=GROUPS)
 OTHER_RECORDS = hexa(cell_data={"lac_macro": np.array([0, -1])})
@@ -169,8 +163,9 @@ def shell(kind="mixed"):
 
 @pytest.mark.parametrize("both", [True, False])
 def test_a_face_that_is_there_twice_is_cut_twice(both):
-    turned = lambda top: [top[0], listed(top[0], "QUAD4", 2, True)]  # noqa: E731
-    mesh = cube(1, turned, slave=[0, 1] if both else [1], other=[0])
+    top = CUBE.block("QUAD4")[0]
+    blocks = [("QUAD4", [top, listed(top, "QUAD4", 2, True)]), ("HEXA8", CUBE.block("HEXA8"))]
+    mesh = Mesh.create(CUBE.points, blocks, cell_groups={"slave": [0, 1] if both else [1], "other": [0]})
     if both:
         with pytest.warns(LacmeshWarning, match="stand twice"):
             cut = cut_skin(mesh, "slave")
@@ -306,8 +301,7 @@ def test_ring_and_depth(name, centre, ring):
 
 @pytest.mark.parametrize("height", [0.05, 1.0, 20.0])
 def test_auto_takes_the_variant_whose_worst_child_is_better(height):
-    mesh = cube(1, lambda top: top, slave=[0])
-    mesh = replace(mesh, points=mesh.points * [1, 1, height])
+    mesh = replace(CUBE, points=CUBE.points * [1, 1, height])
     cuts = {hexa: cut_skin(mesh, "slave", hexa=hexa).mesh for hexa in VARIANTS}
     least = {hexa: worst(cut) for hexa, cut in cuts.items()}
     assert least["auto"] == max(least["pyramid"], least["hexa"]) and least["pyramid"] != least["hexa"]
