@@ -1,7 +1,5 @@
 """Rings of few faces: thick polygons whose nodes lie on circles, in the plane and along z, of every linear cell."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lacmesh import generate, join

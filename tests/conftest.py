@@ -1,7 +1,5 @@
 """What a machine may lack skips its tests. With LACMESH_ALL=1 (`make test`) that is an error, as any other skip."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil
@@ -16,6 +14,7 @@ import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
+from lacmesh.cli import main
 from tests import REPOSITORY
 from tests.samples import FUZZ
 
@@ -67,10 +66,11 @@ def pytest_itemcollected(item):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pycollect_makeitem(collector, obj):
-    """Mark the rows of a test slow that its mark `rows` does not name."""
+    """Mark the rows of a test slow that its mark `rows` does not name, in one text or several."""
     found = yield
     marks = getattr(obj, "pytestmark", ()) if found else ()
-    for named in (set(mark.args) for mark in marks if mark.name == "rows"):
+    for mark in (mark for mark in marks if mark.name == "rows"):
+        named = {row for text in mark.args for row in text.split("; ")}
         others = [item for item in found if item.callspec.id not in named]
         if len(found) != len(others) + len(named):
             raise collector.CollectError(f"{obj.__name__} has no rows {named - {item.callspec.id for item in found}}")
@@ -144,8 +144,33 @@ def every_thread(monkeypatch):
 
 
 @pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Runs a command of lacmesh in a folder of its own, which must end in a status: what it prints, errors last."""
+    monkeypatch.chdir(tmp_path)
+
+    def ran(words, status=0):
+        capsys.readouterr()
+        found = main(words.split() if isinstance(words, str) else list(map(str, words)))
+        said = "".join(capsys.readouterr())
+        assert found == status, said
+        return said
+
+    return ran
+
+
+@pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """A folder with `data/`, as a user's checkout has it."""
     shutil.copytree(REPOSITORY / "data", tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def gmsh():
+    """Yield gmsh without a model, with the options that it starts with."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    yield gmsh
+    gmsh.finalize()

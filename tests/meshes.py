@@ -1,13 +1,15 @@
 """Meshes that tests are run on: reference cells, and random conforming mixtures of every type."""
 
-from __future__ import annotations
+import warnings
+from contextlib import contextmanager
 
 import numpy as np
 from scipy.spatial import Delaunay
 
-from lacmesh import Mesh, generate, measure_quality, raise_order
+from lacmesh import LacmeshWarning, Mesh, generate, measure_quality, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
+from verification.families.cut import listed
 
 
 def pad(points):
@@ -18,6 +20,31 @@ def pad(points):
 def worst(mesh):
     """The least corner Jacobian of the cells of a mesh."""
     return min(t.measures["corner_jacobian"].least for t in measure_quality(mesh).types if t.poor is not None)
+
+
+@contextmanager
+def lenient():
+    """Let our own warnings pass; every other one stays an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        yield
+
+
+def same_nodes(one, other):
+    """True if the cells of two meshes are of the same types and list the same nodes, in the same order."""
+    pairs = zip(one.blocks, other.blocks, strict=True)
+    return all(a.type == b.type and np.array_equal(a.nodes, b.nodes) for a, b in pairs)
+
+
+def renumbered(mesh, rng):
+    """The mesh with nodes, blocks, their cells and groups in another order; and the new place of each cell."""
+    node = rng.permutation(mesh.n_nodes)
+    rows = [(k, rng.permutation(len(mesh.blocks[k].nodes))) for k in rng.permutation(len(mesh.blocks))]
+    place = np.argsort(np.concatenate([mesh.offsets[k] + some for k, some in rows]))
+    blocks = [(mesh.blocks[k].type, node[mesh.blocks[k].nodes[some]]) for k, some in rows]
+    groups = {name: place[members] for name, members in reversed(mesh.cell_groups.items())}
+    points = mesh.points[np.argsort(node)]
+    return Mesh.create(points, blocks, cell_groups=groups, space_dim=mesh.space_dim), place
 
 
 def affine(points, seed=0):
@@ -36,32 +63,9 @@ def cell_with_faces(name, facets=(0,), rotation=0, inward=False, seed=0):
     blocks = {name: [np.arange(cell.n_nodes)]}
     for j in facets:
         facet = cell.facets[j]
-        blocks.setdefault(facet.type, []).append(rotate(np.array(facet.nodes), facet.type, rotation, inward))
-    made = [(kind, np.array(rows)) for kind, rows in blocks.items()]
-    n = sum(len(rows) for _, rows in made)
-    return Mesh.create(
-        points,
-        made,
-        cell_groups={"slave": np.arange(1, n), "body": [0]},
-        node_groups={"all": np.arange(cell.n_nodes)},
-    )
-
-
-def rotate(nodes, face, rotation, inward):
-    """A face's nodes listed from another corner, or the other way round; built from edges, not from tables."""
-    cell = CELLS[face]
-    n = cell.n_corners
-    if n < 3:
-        order = [0, 1] if not inward else [1, 0]
-        return np.array([nodes[k] for k in order] + list(nodes[2:]))
-    step = -1 if inward else 1
-    corners = [(rotation + step * k) % n for k in range(n)]
-    out = [nodes[c] for c in corners]
-    if cell.order == 2:
-        mid = {frozenset((k, (k + 1) % n)): nodes[n + k] for k in range(n)}
-        out += [mid[frozenset((a, b))] for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        out += list(nodes[2 * n :])
-    return np.array(out)
+        blocks.setdefault(facet.type, []).append(listed(np.array(facet.nodes), facet.type, rotation, inward))
+    groups = {"slave": np.arange(1, 1 + len(facets)), "body": [0]}
+    return Mesh.create(points, blocks.items(), cell_groups=groups, node_groups={"all": np.arange(cell.n_nodes)})
 
 
 def box(n=2, size=1.0):
@@ -151,18 +155,19 @@ def random_mesh(rng, dim=3, order=1, slaves=3, interior=False, twins=False, orph
     for key in chosen:
         _, _, face, nodes = table[key][0]
         for _ in range(2 if twins and rng.random() < 0.5 else 1):
-            skin.setdefault(face, []).append(rotate(nodes, face, int(rng.integers(4)), bool(rng.random() < 0.5)))
+            skin.setdefault(face, []).append(listed(nodes, face, int(rng.integers(4)), bool(rng.random() < 0.5)))
     blocks |= skin
     if orphans:
         points = np.vstack([points, rng.uniform(2, 3, (2, 3)) * [1, 1, dim == 3]])
     names = list(blocks)
     order_of_types = [names[i] for i in rng.permutation(len(names))]
     made = [(t, np.array(blocks[t])) for t in order_of_types]
-    mesh = _dress(rng, points, made, skin, dim)
+    mesh = dressed(rng, points, made, skin, dim)
     return raise_order(mesh, {2: "2", 3: "2-full"}[order]) if order > 1 else mesh
 
 
-def _dress(rng, points, made, skin, dim):
+def dressed(rng, points, made, skin, dim):
+    """A mesh of blocks `made`, those of `skin` the group `slave`, with random numbers, order, groups and data."""
     n_cells = sum(len(rows) for _, rows in made)
     starts = dict(zip([t for t, _ in made], np.cumsum([0, *(len(r) for _, r in made)]), strict=False))
     faces = np.concatenate([starts[t] + np.arange(len(rows)) for t, rows in skin.items()])

@@ -1,7 +1,5 @@
 """Cells that quality is tested on: ideal, distorted, wild, stretched, inverted, tiny, degenerate in every way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lacmesh.cells import CELLS

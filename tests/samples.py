@@ -4,8 +4,6 @@
 of cases; `make verify`, which runs what is marked slow, tries the others.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 

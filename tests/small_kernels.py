@@ -1,7 +1,5 @@
 """Small kernels for tests of how kernels are compiled and kept: a process that takes one imports little else."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lacmesh.kernels import kernel

@@ -1,7 +1,5 @@
 """The table of cells, its shape functions and quadrature: each row proved by an identity, none left out."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import factorial
 
@@ -12,7 +10,7 @@ from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
 from lacmesh.topology.orientation import REVERSED
-from lacmesh.topology.skin import FACE_TYPES, label_rows
+from lacmesh.topology.skin import FACE_TYPES
 from tests.meshes import pad
 
 NAMES = list(CELLS)
@@ -38,23 +36,17 @@ def test_names_and_numbers_of_all_types():
 
 
 @pytest.mark.gmsh
-def test_reference_nodes_and_msh_numbers_are_gmshs():
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        for name, cell in ALL_CELLS.items():
-            if cell.msh is None or cell.dim == 0:
-                continue
-            if name in ("PENTA40", "PENTA75"):  # gmsh has no properties of these, only their number
-                assert gmsh.model.mesh.getElementType("Prism", 3 if name == "PENTA40" else 4) == cell.msh
-                continue
-            _, dim, _, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.msh)
-            assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners), name
-            if name in CELLS:
-                np.testing.assert_allclose(np.reshape(local, (n_nodes, dim)), cell.reference, atol=1e-12)
-    finally:
-        gmsh.finalize()
+def test_reference_nodes_and_msh_numbers_are_gmshs(gmsh):
+    for name, cell in ALL_CELLS.items():
+        if cell.msh is None or cell.dim == 0:
+            continue
+        if name in ("PENTA40", "PENTA75"):  # gmsh has no properties of these, only their number
+            assert gmsh.model.mesh.getElementType("Prism", 3 if name == "PENTA40" else 4) == cell.msh
+            continue
+        _, dim, _, n_nodes, local, n_corners = gmsh.model.mesh.getElementProperties(cell.msh)
+        assert (dim, n_nodes, n_corners) == (cell.dim, cell.n_nodes, cell.n_corners), name
+        if name in CELLS:
+            np.testing.assert_allclose(np.reshape(local, (n_nodes, dim)), cell.reference, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if CELLS[n].dim])
@@ -163,12 +155,3 @@ def test_a_reversed_face_is_the_same_face_turned_over(name):
     assert (sign < 0).all()
     assert order[0] == 0 or CELLS[name].dim == 1
     np.testing.assert_allclose(shape(name, there).sum(axis=1), 1)
-
-
-def test_labels_of_rows():
-    rng = np.random.default_rng(0)
-    rows = rng.integers(-1, 4, (500, 3))
-    labels, count = label_rows(rows)
-    _, expected = np.unique(rows, axis=0, return_inverse=True)
-    assert count == expected.max() + 1
-    assert len({(a, b) for a, b in zip(labels, expected.ravel(), strict=True)}) == count

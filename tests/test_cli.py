@@ -3,8 +3,6 @@
 What all commands share is in test_commands.py, wrong inputs are in tests/bad_input.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -14,16 +12,11 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import Cut, Mesh, cut_skin, generate
-from lacmesh.cells import CELLS
-from lacmesh.cli import main
+from lacmesh import Cut, Mesh, cut_skin, generate, raise_order
 from lacmesh.errors import GroupNotFoundError
 from lacmesh.formats import detect_format
 from lacmesh.report import describe
 from tests.meshes import cell_with_faces, random_mesh, worst
-
-CASES = json.loads((Path(__file__).parent / "reference" / "cases.json").read_text())["cases"]
-CASES = [case for case in CASES if case["kind"] == "cut_counts"]
 
 
 @pytest.fixture
@@ -40,70 +33,11 @@ def msh(tmp_path, monkeypatch, mesh):
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    """Runs a command in an empty folder, which ends in a status: what it prints, errors too."""
-    monkeypatch.chdir(tmp_path)
-
-    def ran(words, status=0):
-        capsys.readouterr()
-        found = main(words.split())
-        said = "".join(capsys.readouterr())
-        assert found == status, said
-        return said
-
-    return ran
-
-
-@pytest.fixture
 def info(run):
     return lambda path: json.loads(run(f"info {path} --json"))
 
 
 # ---- the main job
-
-
-@pytest.mark.rows("zzzz383b-2", "zzzz383d-1")
-@pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
-def test_code_aster_counts(case, run, info):
-    """Every cut_counts row of code_aster's suite, on meshes with the same cells and groups as its own.
-
-    Its own meshes are those of the verification (families/cut).
-    """
-    source, target = "twin.med", ("out.med", "out.msh")[CASES.index(case) % 2]
-    lacmesh.write(source, twin(case["id"].rsplit("-", 1)[0]))
-    if case["prepare"]:
-        run(f"convert {source} q.med --order {'2-full' if 'full' in case['prepare'] else '2'}")
-        source = "q.med"
-    words = " ".join(f"--slave {group}" for group in case["slave"]) + f" --hexa {case['hexa']}" * bool(case["hexa"])
-    run(f"cut {source} {words} -o {target}")
-    found = info(target)
-    assert {"cells": found["cells"], "nodes": found["nodes"]} == case["expect"]
-    assert found["lac"]["zones"] == case["slave"]
-
-
-def twin(name):
-    """One QUAD4, TRIA3 or HEXA8 with all its sides and points, or 12 TETRA4: the meshes of zzzz383a to d."""
-    if name == "zzzz383d":
-        return cube_of_tetrahedra()
-    cell = CELLS[{"zzzz383a": "QUAD4", "zzzz383b": "TRIA3", "zzzz383c": "HEXA8"}[name]]
-    blocks = {cell.name: [list(range(cell.n_nodes))]}
-    for facet in cell.facets:
-        blocks.setdefault(facet.type, []).append(list(facet.nodes))
-    if cell.dim == 3:
-        blocks["SEG2"] = [list(e) for e in cell.edges]
-    groups = {f"{'Face' if cell.dim == 3 else 'Edge'}_{k + 1}": [1 + k] for k in range(len(cell.facets))}
-    return Mesh.create(np.array(cell.reference), blocks.items(), cell_groups=groups)
-
-
-def cube_of_tetrahedra():
-    """A cube cut into 12 tetrahedra from its centre, all faces and edges of its skin as cells, Face_2 one side."""
-    x = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0, 1)] + [[0.5] * 3], float)
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
-    edges = sorted({tuple(sorted((s[k], s[(k + 1) % 4]))) for s in sides for k in range(4)})
-    tetrahedra = [(a, c, b, 8) for a, b, c in triangles]
-    cells = [("TETRA4", tetrahedra), ("TRIA3", triangles), ("SEG2", edges)]
-    return Mesh.create(x, cells, cell_groups={"Face_2": [14, 15]})
 
 
 def test_the_output_stands_beside_the_input_and_the_summary_counts_what_is_new(msh, mesh, run, info):
@@ -257,12 +191,14 @@ def test_many_entities_are_cut_short_in_the_table_and_brackets_are_printed_as_th
     assert "[red]slave[/red] :smile:" in run("info b.msh")
 
 
-def test_convert_there_and_back(msh, run, info):
+def test_convert_there_and_back(msh, mesh, run, info):
     run("convert part.msh a.med")
     run("convert a.med b.msh --msh 2.2 --ascii")
     one, other = info(msh), info("b.msh")
     assert one.pop("bounding_box") and other.pop("bounding_box")
     assert one == other  # groups and types are in any order
+    run("convert part.msh q.med --order 2-full")
+    assert info("q.med")["cells_by_type"] == raise_order(mesh, "2-full").cells_by_type
 
 
 @pytest.mark.parametrize(

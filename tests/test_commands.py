@@ -1,7 +1,5 @@
 """What all commands of both programs share: their start, help, streams, signals, terminals, and odd names."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty

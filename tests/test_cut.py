@@ -1,8 +1,5 @@
 """The cut of whole meshes: properties that hold for every mesh, what it makes of special ones, what it refuses."""
 
-from __future__ import annotations
-
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +14,12 @@ from lacmesh.mesh import Model, Periodic
 from lacmesh.quality import validity_of
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
-from tests import properties
-from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate, worst
+from tests.meshes import affine, cell_with_faces, lenient, random_mesh, renumbered, worst
+from tests.properties import CONFORMING, DOFS, IN_ORDER, KEPT, UNTOUCHED, hold
 from tests.samples import samples
 from tests.test_cut_cells import in_file
+from verification.families.cut import listed
+from verification.measures.cutting import same_up_to_numbers, sizes
 
 VARIANTS = ("pyramid", "hexa", "auto")
 
@@ -43,14 +42,6 @@ def corner(*blocks, points=(), **about):
     return Mesh.create(points, [("TETRA4", [[0, 1, 2, 3]]), *blocks], **about)
 
 
-def cube(n, skin, **groups):
-    """n^3 HEXA8 after the cells that `skin` makes of the faces on top."""
-    points, hexas = box(n)
-    facets = facets_of(Mesh.create(points, [("HEXA8", hexas)]))
-    top = [owners[0][3] for corners, owners in facets.items() if (points[list(corners), 2] == 1).all()]
-    return Mesh.create(points, [("QUAD4", skin(top)), ("HEXA8", hexas)], cell_groups=groups)
-
-
 def row(n, prism=True, inward=False):
     """A row of n HEXA8, then a PENTA6. Groups of faces: `between` cells, `chain` between hexahedra, `end`."""
     at = lambda x, y, z: x + (n + 1) * (y + 2 * z)  # noqa: E731
@@ -61,16 +52,10 @@ def row(n, prism=True, inward=False):
         low = len(points)
         points += [[n + 0.7, 0.5, 0], [n + 0.7, 0.5, 1]]
         blocks.append(("PENTA6", [[at(n, 0, 0), low, at(n, 1, 0), at(n, 0, 1), low + 1, at(n, 1, 1)]]))
-    faces = [rotate([at(x, y, z) for y, z in ring], "QUAD4", 1, inward) for x in range(n + prism)]
+    faces = [listed(np.array([at(x, y, z) for y, z in ring]), "QUAD4", 1, inward) for x in range(n + prism)]
     first = n + prism
     groups = {"end": [first], "between": range(first + 1, first + len(faces)), "chain": range(first + 1, first + n)}
     return Mesh.create(affine(np.array(points, float)), [*blocks, ("QUAD4", faces)], cell_groups=groups)
-
-
-def two_hexas(inward=False):
-    """Two HEXA8 whose common face is the slave."""
-    mesh = row(2, prism=False, inward=inward)
-    return replace(mesh, cell_groups={"slave": mesh.cell_groups["between"]})
 
 
 BESIDE = Mesh.create(
@@ -78,7 +63,9 @@ BESIDE = Mesh.create(
     [("QUAD4", [[0, 1, 2, 3]]), ("TRIA3", [[1, 4, 2]]), ("SEG2", [[1, 2]])],
     cell_groups={"slave": [2]},
 )
-ZONES = cube(2, lambda top: top, a=[0, 1, 2], b=[2, 3], unused=[4])
+CUBE = generate.box(1).only("body", "top").renamed(top="slave")
+ZONES = generate.box().only("body", "top")
+ZONES = replace(ZONES, cell_groups={"a": np.array([8, 9, 10]), "b": np.array([10, 11]), "unused": np.array([0])})
 GROUPS = {"slave": [1, 2], "volume": [0], "edge": [2], "mixed": [0, 1]}
 EDGE_TOO = corner(("TRIA3", [[0, 2, 1]]), ("SEG2", [[0, 1]]), cell_groups=GROUPS)
 OTHER_RECORDS = hexa(cell_data={"lac_macro": np.array([0, -1])})
@@ -95,10 +82,9 @@ OTHER_RECORDS = hexa(cell_data={"lac_macro": np.array([0, -1])})
 )
 def test_random_meshes(seed, dim, order, hexa, interior, twins, slaves):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves, interior, twins)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
+    with lenient():
         cut = cut_skin(mesh, "slave", hexa=hexa)
-    properties.all_hold(mesh, cut)
+    hold(mesh, cut)
     np.testing.assert_allclose(cut.mesh.node_data["heat"], cut.mesh.points @ [1.0, 2.0, 3.0], atol=1e-12)
     np.testing.assert_allclose(cut.mesh.node_data["where"], cut.mesh.points, atol=1e-12)
     assert len(cut.mesh.node_groups["every"]) == cut.mesh.n_nodes
@@ -111,49 +97,36 @@ def test_random_meshes(seed, dim, order, hexa, interior, twins, slaves):
 @settings(max_examples=samples(10, 25), deadline=None)
 @given(seed=st.integers(0, 10**9), order=st.sampled_from([1, 2]), hexa=st.sampled_from(VARIANTS))
 def test_order_does_not_matter(seed, order, hexa):
-    """Permuted blocks, cells and groups give the same mesh but for its numbers."""
+    """Permuted nodes, blocks, cells and groups give the same mesh but for its numbers."""
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, 3, order, slaves=6, interior=True)
-    blocks = [(k, rng.permutation(len(mesh.blocks[k].nodes))) for k in rng.permutation(len(mesh.blocks))]
-    place = np.argsort(np.concatenate([mesh.offsets[k] + rows for k, rows in blocks]))
-    groups = {name: place[members] for name, members in reversed(mesh.cell_groups.items())}
-    cells = [(mesh.blocks[k].type, mesh.blocks[k].nodes[rows]) for k, rows in blocks]
-    other = Mesh.create(mesh.points, cells, space_dim=mesh.space_dim, cell_groups=groups)
-    one, two = (properties.canonical(cut_skin(m, "slave", hexa=hexa).mesh) for m in (other, mesh))
-    assert one == two
+    other, _ = renumbered(mesh, rng)
+    assert same_up_to_numbers(*(cut_skin(m, "slave", hexa=hexa).mesh for m in (other, mesh)))
 
 
+#: mesh, its slaves, and how many cells of some types its cut has, also with `hexa` alone
 SPECIAL = {
     "face between two cells": (row(2, prism=False), "between"),
     "face between two cells, turned": (row(2, prism=False, inward=True), "between"),
-    "prism that forces a cone": (row(1), ["between", "end"]),
-    "prism that forces cones along a row": (row(4), "between"),
-    "row": (row(4), "chain"),
-    "quadrangle beside triangle": (BESIDE, "slave"),
+    "prism that forces a cone": (row(1), ["between", "end"], {"HEXA8": 0, "QUAD4": 0}),
+    "prism whose face is no slave forces none": (row(1), "end", {}, {"HEXA8": 6}),
+    "prism that forces cones along a row": (row(4), "between", {"HEXA8": 0}),
+    "row": (row(4), "chain", {}, {"PYRAM5": 0}),
+    "quadrangle (3) beside triangle (2)": (BESIDE, "slave", {"TRIA3": 5, "QUAD4": 0, "SEG2": 2}),
     "two zones that share a face": (ZONES, ["b", "a"]),
     "two faces": (cell_with_faces("HEXA8", (0, 5)), "slave"),
+    "full prism": (cell_with_faces("PENTA18"), "slave", {"TRIA6": 3, "PYRAM14": 3, "TETRA10": 1, "PENTA18": 0}),
 }
 
 
 @pytest.mark.parametrize("hexa", VARIANTS)
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_meshes(name, hexa):
-    mesh, slave = SPECIAL[name]
-    properties.all_hold(mesh, cut_skin(mesh, slave, hexa=hexa))
-
-
-@pytest.mark.parametrize("mesh, slave, variants, counts", [
-    (row(1), ["between", "end"], VARIANTS, {"HEXA8": 0, "QUAD4": 0}),
-    (row(1), "end", ["hexa"], {"HEXA8": 6}),  # the prism's face is no slave: nothing forces the cone
-    (row(4), "between", VARIANTS, {"HEXA8": 0}),
-    (row(4), "chain", ["hexa"], {"PYRAM5": 0}),
-    (BESIDE, "slave", VARIANTS, {"TRIA3": 5, "QUAD4": 0, "SEG2": 2}),  # 3 for the quadrangle, 2 for the triangle
-    (cell_with_faces("PENTA18", (0,)), "slave", VARIANTS, {"TRIA6": 3, "PYRAM14": 3, "TETRA10": 1, "PENTA18": 0}),
-])  # fmt: skip
-def test_cells_of_special_meshes(mesh, slave, variants, counts):
-    for hexa in variants:
-        found = cut_skin(mesh, slave, hexa=hexa).mesh.cells_by_type
-        assert {kind: found.get(kind, 0) for kind in counts} == counts
+    mesh, slave, *counts = SPECIAL[name]
+    cut = cut_skin(mesh, slave, hexa=hexa)
+    hold(mesh, cut)
+    for expected in counts[: 1 + (hexa == "hexa")]:
+        assert {kind: cut.mesh.cells_by_type.get(kind, 0) for kind in expected} == expected
 
 
 def test_children_of_curved_tetrahedra_have_their_parents_own_map():
@@ -161,7 +134,7 @@ def test_children_of_curved_tetrahedra_have_their_parents_own_map():
     cut = cut_skin(mesh, "inner")
     solid = np.flatnonzero((cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == 3))
     parents = np.searchsorted(mesh.cell_number, cut.parent_of_cell[solid])
-    size, whole = (properties.volumes(m) for m in (cut.mesh, mesh))
+    size, whole = (sizes(m) for m in (cut.mesh, mesh))
     np.testing.assert_allclose(np.bincount(parents, size[solid])[parents], whole[parents], rtol=1e-12)
     assert validity_of(cut.mesh).min() > 0
     on_faces = shape("TRIA6", np.array([(2, 2), (1, 1), (4, 1), (1, 4)]) / 6) @ mesh.points[mesh.block("TRIA6")]
@@ -169,20 +142,12 @@ def test_children_of_curved_tetrahedra_have_their_parents_own_map():
     assert np.linalg.norm(on_faces.reshape(-1, 1, 3) - new, axis=2).min(axis=1).max() < 1e-14
 
 
-@pytest.mark.parametrize("inward", [False, True])
-def test_a_face_between_two_cells_has_no_outward_side(inward):
-    mesh = row(2, prism=False, inward=inward)
-    kept, turned = (cut_skin(mesh, "between", orient=orient).mesh for orient in ("keep", "outward"))
-    np.testing.assert_array_equal(kept.block("TRIA3"), turned.block("TRIA3"))
-
-
 @pytest.mark.parametrize("hexa", VARIANTS)
 @pytest.mark.parametrize("kind", ["mixed", "mixed 2", "mixed 2-full"])
 def test_skin_only_cuts_a_shell(hexa, kind):
     mesh = shell(kind)
     cut = cut_skin(mesh, "slave", hexa=hexa, skin_only=True)
-    for holds in (properties.skin_is_in_order, properties.owns_internal_dofs, properties.groups_follow):
-        holds(mesh, cut)
+    hold(mesh, cut, IN_ORDER, DOFS, KEPT)
     assert cut.n_macros == mesh.n_cells
 
 
@@ -196,11 +161,12 @@ def shell(kind="mixed"):
 # ---- slave groups
 
 
-@pytest.mark.parametrize("listed", [True, False])
-def test_a_face_that_is_there_twice_is_cut_twice(listed):
-    turned = lambda top: [top[0], rotate(top[0], "QUAD4", 2, True)]  # noqa: E731
-    mesh = cube(1, turned, slave=[0, 1] if listed else [1], other=[0])
-    if listed:
+@pytest.mark.parametrize("both", [True, False])
+def test_a_face_that_is_there_twice_is_cut_twice(both):
+    top = CUBE.block("QUAD4")[0]
+    blocks = [("QUAD4", [top, listed(top, "QUAD4", 2, True)]), ("HEXA8", CUBE.block("HEXA8"))]
+    mesh = Mesh.create(CUBE.points, blocks, cell_groups={"slave": [0, 1] if both else [1], "other": [0]})
+    if both:
         with pytest.warns(LacmeshWarning, match="stand twice"):
             cut = cut_skin(mesh, "slave")
         for again in ("slave", "other"):
@@ -208,7 +174,7 @@ def test_a_face_that_is_there_twice_is_cut_twice(listed):
     else:
         cut = cut_skin(mesh, "slave")
         assert not {*cut.mesh.cell_groups["other"]} & {*cut.faces_of_macro[0]}
-    properties.is_conforming(mesh, cut)
+    hold(mesh, cut, CONFORMING, UNTOUCHED)
     assert cut.n_macros == 1 and cut.mesh.cells_by_type == {"TRIA3": 8, "PYRAM5": 5}
     one, two = (
         {frozenset(n.tolist()) for _, _, rows in cut.mesh.select(cells) for n in rows}
@@ -301,12 +267,9 @@ def test_a_view_of_a_cut_needs_a_cut():
         Mesh.create(hexa().points, hexa().blocks, cell_number=[1.0, 2.0])
 
 
-def test_cells_of_lower_dimension_in_a_slave_group_are_left():
+def test_cells_of_lower_dimension_in_a_slave_group_are_left_and_those_of_higher_order_elsewhere_are_kept():
     with pytest.warns(LacmeshWarning, match="lower dimension"):
         assert cut_skin(EDGE_TOO, "slave").mesh.cells_by_type == {"TETRA4": 3, "TRIA3": 3, "SEG2": 1}
-
-
-def test_cells_of_higher_order_elsewhere_are_kept():
     far, about = 9 + np.random.default_rng(0).random((20, 3)), {"cell_groups": {"slave": [1], "far": [2]}}
     mesh = corner(("TRIA3", [[0, 2, 1]]), ("TETRA20", [range(4, 24)]), points=far, **about)
     assert cut_skin(mesh, "slave").mesh.cells_by_type == {"TETRA4": 3, "TRIA3": 3, "TETRA20": 1}
@@ -330,7 +293,7 @@ def test_ring_and_depth(name, centre, ring):
     mesh = cell_with_faces(name)
     for depth in (0.25, 0.5, 0.75):
         cut = cut_skin(mesh, "slave", hexa="hexa", ring=ring, depth=depth)
-        properties.all_hold(mesh, cut)
+        hold(mesh, cut)
         ((kind, _, nodes),) = cut.mesh.select(cut.faces_of_macro[0])
         area = measure(kind, cut.mesh.points[nodes])
         np.testing.assert_allclose(area[centre] / area.sum(), ring ** (CELLS[name].dim - 1), rtol=1e-12)
@@ -338,8 +301,7 @@ def test_ring_and_depth(name, centre, ring):
 
 @pytest.mark.parametrize("height", [0.05, 1.0, 20.0])
 def test_auto_takes_the_variant_whose_worst_child_is_better(height):
-    mesh = cube(1, lambda top: top, slave=[0])
-    mesh = replace(mesh, points=mesh.points * [1, 1, height])
+    mesh = replace(CUBE, points=CUBE.points * [1, 1, height])
     cuts = {hexa: cut_skin(mesh, "slave", hexa=hexa).mesh for hexa in VARIANTS}
     least = {hexa: worst(cut) for hexa, cut in cuts.items()}
     assert least["auto"] == max(least["pyramid"], least["hexa"]) and least["pyramid"] != least["hexa"]

@@ -1,9 +1,6 @@
 """Every type, facet, rotation, orientation and variant of the cut, on one cell; and code_aster's own cuts."""
 
-from __future__ import annotations
-
 import json
-from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -11,115 +8,33 @@ import pytest
 
 from lacmesh import Mesh, aster_multipliers, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
-from tests import properties
 from tests.meshes import cell_with_faces
-from tests.samples import each_option, samples
+from tests.properties import follow
+from verification.families import cut as family
 
 CUTS = Path(__file__).parent / "reference" / "code_aster_cuts"
-CASES = [
-    (name, j, variant)
-    for name, cell in CELLS.items()
-    if cell.dim > 1
-    for j in range(len(cell.facets))
-    for variant in (("pyramid", "hexa") if name in RING_PARENTS and cell.dim == 3 else ("pyramid",))
-]
-#: (facet type, parent): nodes and cells added, skin and volume together; HEXA20 per variant
-COUNTS = {
-    ("TRIA3", None): (1, 2), ("QUAD4", None): (4, 5), ("TETRA4", 3): (1, 4), ("TETRA10", 3): (5, 4),
-    ("HEXA8", "hexa"): (8, 9), ("HEXA8", "pyramid"): (1, 7), ("HEXA20", "hexa"): (28, 9),
-    ("HEXA20", "pyramid"): (9, 7), ("PENTA6", 3): (1, 5), ("PENTA6", 4): (1, 6), ("PENTA15", 3): (7, 5),
-    ("PENTA15", 4): (7, 6), ("PYRAM5", 4): (1, 6), ("PYRAM5", 3): (1, 5), ("PYRAM13", 4): (6, 6),
-    ("PYRAM13", 3): (6, 5), ("PENTA18", 3): (7, 5), ("PYRAM14", 3): (6, 5),
-}  # fmt: skip
+BODIES = [name for name, cell in CELLS.items() if cell.dim > 1]
+#: nodes and cells that the first slave face of a cell adds, and each further one
+SEVERAL = {("HEXA8", "pyramid"): ((1, 7), (1, 6)), ("HEXA20", "pyramid"): ((9, 7), (6, 6))}
 
 
-def expected_counts(name, j, variant):
-    facet = CELLS[name].facets[j].type
-    keys = (name, variant), (name, CELLS[facet].n_corners), (name, None)
-    return (0, 0) if facet in WHOLE_FACES else next(COUNTS[key] for key in keys if key in COUNTS)
+def cuts(name):
+    """Trials of the verification, cut: cells of a type by every facet, turn and variant, and by every set of facets."""
+    for trial in family.trials(CELLS[name].dim, (name,), (), 2):
+        yield trial, cut_skin(trial.mesh, trial.slave, hexa=trial.hexa)
 
 
-def added(mesh, cut):
-    return cut.mesh.n_nodes - mesh.n_nodes, cut.mesh.n_cells - mesh.n_cells
-
-
-def ways(name, j):
-    """Rotations of a facet of a cell, each with both orientations, or with one by turns."""
-    n = CELLS[CELLS[name].facets[j].type].n_corners
-    every = [*product(range(n if n > 2 else 1), (False, True))]
-    return samples(every[1::4] + every[2::4] if n > 2 else every, every)
-
-
-@pytest.mark.rows(
-    "TRIA3-2-pyramid",
-    "TRIA6-2-pyramid",
-    "TRIA7-0-pyramid",
-    "QUAD4-1-pyramid",
-    "QUAD8-2-pyramid",
-    "QUAD9-0-pyramid",
-    "TETRA4-3-pyramid",
-    "TETRA10-1-pyramid",
-    "HEXA8-1-hexa",
-    "HEXA20-1-pyramid",
-    "HEXA27-4-pyramid",
-    "PENTA6-1-pyramid",
-    "PENTA15-0-pyramid",
-    "PENTA18-0-pyramid",
-    "PYRAM5-3-pyramid",
-    "PYRAM13-1-pyramid",
-    "PYRAM14-1-pyramid",
-)
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "j", "variant"), CASES)
-def test_one_cell(name, j, variant):
-    for rotation, inward in ways(name, j):
-        mesh = cell_with_faces(name, (j,), rotation, inward, seed=rotation)
-        cut = cut_skin(mesh, "slave", hexa=variant)
-        properties.all_hold(mesh, cut)
-        assert added(mesh, cut) == expected_counts(name, j, variant)
-        assert len(cut.mesh.node_groups["all"]) == cut.mesh.n_nodes
-
-
-@pytest.mark.rows(
-    "TRIA3-pyramid",
-    "QUAD4-pyramid",
-    "TETRA4-pyramid",
-    "PYRAM5-pyramid",
-    "PENTA6-pyramid",
-    "TRIA6-pyramid",
-    "QUAD8-pyramid",
-    "TETRA10-pyramid",
-    "PYRAM13-pyramid",
-    "PENTA15-pyramid",
-)
-@pytest.mark.fuzz
-@pytest.mark.parametrize(
-    ("name", "variant"),
-    each_option(
-        sorted({(n, v) for n, _, v in CASES}, key=lambda row: (CELLS[row[0]].n_nodes, row)),
-        of=lambda row: [(CELLS[row[0]].linear, CELLS[row[0]].order), (CELLS[row[0]].linear, row[1])],
-    ),
-)
-def test_every_set_of_slave_faces(name, variant):
-    """Several slave faces of one cell, in any order, in one pass: one macro-element each.
-
-    Quadratic cells are cut as their corners are.
-    """
-    n = len(CELLS[name].facets)
-    every = [facets for size in range(2, n + 1) for facets in combinations(range(n), size)]
-    for facets in samples([*every[: n * (n - 1) // 2 : 2], *every[n * (n - 1) // 2 :: 4], every[-1]], every):
-        size = len(facets)
-        way = {"rotation": size, "inward": bool(size % 2)}
-        mesh = cell_with_faces(name, facets, **way)
-        cut = cut_skin(mesh, "slave", hexa=variant)
-        assert cut.n_macros == size
-        if (CELLS[name].family, variant) == ("HEXA", "pyramid") and name != "HEXA27":
-            first, more = ((1, 7), (1, 6)) if name == "HEXA8" else ((9, 7), (6, 6))
-            assert added(mesh, cut) == tuple(np.add(first, np.multiply(size - 1, more)).tolist())
-        properties.all_hold(mesh, cut)
-        other = cut_skin(cell_with_faces(name, facets[::-1], **way), "slave", hexa=variant)
-        assert properties.canonical(other.mesh) == properties.canonical(cut.mesh)
+@pytest.mark.parametrize("name", BODIES)
+def test_cells_by_every_facet_turn_variant_and_set_of_facets(name):
+    """Nothing is broken, with one macro-element for each slave face."""
+    for trial, cut in cuts(name):
+        assert not {what: count for what, count in family.broken(trial, cut).items() if count}, trial.label
+        follow(trial.mesh, cut)
+        assert cut.n_macros == len(trial.mesh.cell_groups["slave"])
+        if trial.added is None and (name, trial.hexa) in SEVERAL:
+            first, more = np.array(SEVERAL[name, trial.hexa])
+            added = cut.mesh.n_nodes - trial.mesh.n_nodes, cut.mesh.n_cells - trial.mesh.n_cells
+            assert added == tuple(trial.count * first + (cut.n_macros - trial.count) * more)
 
 
 # code_aster's own node order (its files say so): mid-nodes by edge, for a cell of so many nodes

@@ -1,7 +1,5 @@
 """`lacmesh cut`: the report of its cost, the cells that it refuses, the programs that it cuts for, the master."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -14,13 +12,13 @@ import lacmesh
 from lacmesh import Cut, Mesh, cut_skin, generate, read, write
 from lacmesh.checks import Finding, check
 from lacmesh.checks.findings import Where
-from lacmesh.cli import main
 from lacmesh.errors import CutError, RequestError, WriteError
 from lacmesh.report import children_quality, cut_report, refuse_poor, write_report
 from tests.meshes import cell_with_faces, random_mesh
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 BLOCKS = str(DATA / "two_blocks.msh")
+CUT = f"cut {BLOCKS} --slave slave"
 FORMS = (".html", ".md", ".json")
 
 
@@ -173,92 +171,78 @@ def test_reports_are_written_whole_or_not_at_all(report, tmp_path):
 # ---- the command: reports and least quality
 
 
-def test_the_command_refuses_poor_cells_and_reports_before_it_cuts(msh, tmp_path, capsys):
-    out, told = tmp_path / "out.msh", tmp_path / "told.html"
-    asked = ["cut", str(msh), "--slave", "slave", "-o", str(out), "--report"]
-    assert main([*asked, str(told), "--min-quality", "0.9"]) == 1
-    said = capsys.readouterr()
-    assert "quality below 0.9" in said.err and not said.out
-    assert main([*asked, str(tmp_path / "told.txt")]) == 2
-    assert main([*asked, str(tmp_path / "no" / "told.md")]) == 3
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["part.msh"]
+def test_the_command_refuses_poor_cells_and_reports_before_it_cuts(msh, run):
+    asked, told = "cut part.msh --slave slave -o out.msh --report", Path("told.html")
+    said = run(f"{asked} {told} --min-quality 0.9", 1)
+    assert "quality below 0.9" in said and said.startswith("lacmesh: error: ")
+    run(f"{asked} told.txt", 2)
+    run(f"{asked} no/told.md", 3)
+    assert [p.name for p in Path().iterdir()] == ["part.msh"]
     told.write_text("mine")
-    assert main([*asked, str(told)]) == 2
-    assert main([*asked, str(told), "--force", "--min-quality", "0.01"]) == 0
-    assert f"report: {told}" in capsys.readouterr().out and told.read_text().startswith("<!DOCTYPE html>")
-    assert Cut(read(out)).n_macros == 1
-    again = ["cut", str(out), "--slave", "slave", "-o", str(tmp_path / "again.msh")]  # it is judged by its children
-    assert main([*again, "--min-quality", "0.9"]) == 1
-    assert main([*again, "--report", str(tmp_path / "r.md")]) == 0
-    said = capsys.readouterr().err
-    assert "quality below 0.9" in said and "no report is written" in said and not (tmp_path / "r.md").exists()
+    run(f"{asked} {told}", 2)
+    assert f"report: {told}" in run(f"{asked} {told} --force --min-quality 0.01")
+    assert told.read_text().startswith("<!DOCTYPE html>") and Cut(read("out.msh")).n_macros == 1
+    again = "cut out.msh --slave slave -o again.msh"  # it is judged by its children
+    assert "quality below 0.9" in run(f"{again} --min-quality 0.9", 1)
+    assert "no report is written" in run(f"{again} --report r.md") and not Path("r.md").exists()
 
 
-def test_a_cut_that_is_checked_reports_the_findings(tmp_path):
-    told = tmp_path / "told.json"
-    asked = ["cut", BLOCKS, "--slave", "slave", "--report", str(told), "-q", "--force", "-o", str(tmp_path / "out.msh")]
-    assert main([*asked, "--master", "master"]) == 0
-    assert "gap" in [f["rule"] for f in json.loads(told.read_text())["findings"]]
-    assert main(asked) == 0
-    assert json.loads(told.read_text())["findings"] is None and json.loads(told.read_text())["name"] == "two_blocks.msh"
+def test_a_cut_that_is_checked_reports_the_findings(run):
+    found = []
+    for master in ("--master master", ""):
+        run(f"{CUT} --report told.json -q --force -o out.msh {master}")
+        found.append(json.loads(Path("told.json").read_text()))
+    assert "gap" in [f["rule"] for f in found[0]["findings"]]
+    assert found[1]["findings"] is None and found[1]["name"] == "two_blocks.msh"
 
 
 # ---- the command: programs and masters
 
 
-def refused(capsys, target, *args):
-    """The sentence of a command that must fail on the data, and leave nothing."""
-    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(target), *args]) == 1
-    assert not list(target.parent.iterdir())
-    (line,) = capsys.readouterr().err.splitlines()
-    return line
+#: what a cut of the blocks is for -> its output, words of the one sentence with which it is refused, and leaves nothing
+REFUSED = {
+    "--for calculix": ("out.inp", ("180 PYRAM5", "CalculiX", "--hexa hexa")),
+    "--for fenics --hexa hexa": ("out.xdmf", ("mixture",)),
+    "--master symmetry_x": ("out.msh", ("shared-nodes", "share 7 nodes")),
+}
 
 
-def test_cells_that_the_program_lacks_are_refused_before_the_cut(tmp_path, capsys):
-    said = refused(capsys, tmp_path / "out.inp", "--for", "calculix")
-    assert all(words in said for words in ("180 PYRAM5", "CalculiX", "--hexa hexa"))
-    assert "mixture" in refused(capsys, tmp_path / "out.xdmf", "--for", "fenics", "--hexa", "hexa")
+@pytest.mark.parametrize("options", REFUSED)
+def test_what_the_program_or_the_check_forbids_is_refused_before_it_is_written(options, run):
+    target, words = REFUSED[options]
+    said = run(f"{CUT} -o {target} {options}", 1)
+    assert all(word in said for word in words) and said.count("\n") == 1 and not list(Path().iterdir())
 
 
 @pytest.mark.parametrize(("program", "hexa"), [("calculix", "hexa"), ("abaqus", "pyramid")])
-def test_inp_is_written_for_the_program(tmp_path, program, hexa, capsys):
+def test_inp_is_written_for_the_program(program, hexa, run):
     """Also by `convert`, of a cut in another format, if the program takes its cells."""
-    cut, target = tmp_path / "cut.msh", tmp_path / "out.inp"
-    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(target), "--for", program, "--hexa", hexa]) == 0
+    said, target = run(f"{CUT} -o out.inp --for {program} --hexa {hexa}"), Path("out.inp")
     assert ("C3D5" in target.read_text()) == (program == "abaqus") and "C3D8" in target.read_text()
-    assert "macro-elements of slave 36" in " ".join(capsys.readouterr().out.split())
-    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(cut), "-q"]) == 0
-    takes = main(["convert", str(cut), str(target), "--for", program, "-q", "--force"]) == 0
-    assert takes == (program == "abaqus") and ("PYRAM5" in capsys.readouterr().err) != takes
-    assert ("C3D5" in target.read_text()) == takes
+    assert "macro-elements of slave 36" in " ".join(said.split())
+    run(f"{CUT} -o cut.msh -q")
+    takes = program == "abaqus"
+    said = run(f"convert cut.msh out.inp --for {program} -q --force", 0 if takes else 1)
+    assert ("PYRAM5" in said) != takes and ("C3D5" in target.read_text()) == takes
 
 
 @pytest.mark.parametrize("program", ["gmsh", "aster"])
-def test_other_files_may_be_for_a_program_too(tmp_path, program, capsys):
-    target = tmp_path / "out.med"
-    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(target), "--for", program]) == 0
-    assert lacmesh.read(target).n_cells > 1268
-    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+def test_other_files_may_be_for_a_program_too(program, run):
+    notes = [line for line in run(f"{CUT} -o out.med --for {program}").splitlines() if line.startswith("note: ")]
+    assert lacmesh.read("out.med").n_cells > 1268
     assert len(notes) == (program == "aster") and all("DECOUPE_LAC" in note and BLOCKS in note for note in notes)
 
 
-def test_a_cut_is_checked_against_its_master_and_not_written_if_it_forbids(tmp_path, capsys):
-    said = refused(capsys, tmp_path / "out.msh", "--master", "symmetry_x")
-    assert "shared-nodes" in said and "share 7 nodes" in said
-    assert main(["cut", BLOCKS, "--slave", "slave", "--master", "master", "-o", str(tmp_path / "out.msh")]) == 0
-    printed = capsys.readouterr()
-    assert "check " in printed.out and not printed.err
-
-
-def test_a_master_far_away_is_found_within_the_search_distance(tmp_path, capsys):
+def test_a_cut_is_checked_against_its_master_which_is_found_within_the_search_distance(run):
+    said = run(f"{CUT} --master master -o out.msh")
+    assert "check " in said and "lacmesh: " not in said
     far = read(BLOCKS)
     upper = np.isin(np.arange(far.n_nodes), far.nodes_on(far.cell_groups["upper"]))
-    write(tmp_path / "far.msh", replace(far, points=far.points + 5.0 * np.outer(upper, [0, 0, 1])))
-    asked = ["cut", str(tmp_path / "far.msh"), "--slave", "slave", "--master", "master", "-q"]
-    assert main([*asked, "-o", str(tmp_path / "out.msh")]) == 1
-    assert "increase --search-distance" in capsys.readouterr().err
-    assert main([*asked, "-o", str(tmp_path / "out.msh"), "--search-distance", "6"]) == 0
-    assert main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"]) == 2
+    write("far.msh", replace(far, points=far.points + 5.0 * np.outer(upper, [0, 0, 1])))
+    asked = "cut far.msh --slave slave --master master -q -o other.msh"
+    assert "increase --search-distance" in run(asked, 1)
+    run(f"{asked} --search-distance 6")
+    run(f"{asked} --force --search-distance inf", 2)
 
 
 def test_a_shell_that_was_cut_as_one_passes_the_check():
@@ -271,37 +255,29 @@ def test_a_shell_that_was_cut_as_one_passes_the_check():
 # ---- `lacmesh quality`
 
 
-def test_quality_prints_tables_and_what_the_cut_has_cost(msh, tmp_path, capsys):
-    out = tmp_path / "out.msh"
-    assert main(["quality", str(msh)]) == 0
-    told = capsys.readouterr().out
+def test_quality_prints_tables_and_what_the_cut_has_cost(msh, run):
+    told = run("quality part.msh")
     assert "3 cells measured, 0 invalid, 0 poor" in told and "HEXA8: 2 cells, 0 invalid, 0 poor" in told
-    assert main(["quality", str(msh), "--group", "b", "--measures", "skew,oddy,area"]) == 0
-    told = capsys.readouterr().out
+    told = run("quality part.msh --group b --measures skew,oddy,area")
     assert "group b: 2 cells measured" in told and "oddy" in told and "QUAD4" not in told
-    assert main(["quality", str(msh), "-q"]) == 0 and not capsys.readouterr().out
+    assert not run("quality part.msh -q")
     folded = stretched().moved(lambda x: np.where((x[2] > 1.1) & (x[0] + x[1] == 0), [[0.5], [0.5], [0.9]], x))
-    write(tmp_path / "bad.msh", folded)
-    assert main(["quality", str(tmp_path / "bad.msh")]) == 0
-    assert "HEXA8: 2 cells, 1 invalid (1 at a corner" in capsys.readouterr().out
-    assert main(["cut", str(msh), "--slave", "slave", "-o", str(out), "-q"]) == 0
-    assert main(["quality", str(out)]) == 0
-    assert "cut: 9 children, 0 invalid" in capsys.readouterr().out
-    assert main(["quality", str(out), "--json"]) == 0
-    found, mesh = json.loads(capsys.readouterr().out)["cut"], read(msh)
+    write("bad.msh", folded)
+    assert "HEXA8: 2 cells, 1 invalid (1 at a corner" in run("quality bad.msh")
+    run("cut part.msh --slave slave -o out.msh -q")
+    assert "cut: 9 children, 0 invalid" in run("quality out.msh")
+    found, mesh = json.loads(run("quality out.msh --json"))["cut"], read(msh)
     expected = min(c.after["corner_jacobian"].least for c in cut_report(mesh, cut_skin(mesh, "slave")).comparisons)
     assert (found["children"], found["invalid_children"]) == (9, 0)
     assert found["corner_jacobian"]["min"] == pytest.approx(expected, rel=1e-9)
 
 
-def test_plots_are_drawn(msh, tmp_path, capsys, monkeypatch):
+def test_plots_are_drawn(msh, run, monkeypatch):
     image = pytest.importorskip("matplotlib.image")
-    path = tmp_path / "q.png"
-    assert main(["quality", str(msh), "--plot", str(path)]) == 0
-    pixels = image.imread(path)
+    asked = "quality part.msh --plot q.png"
+    assert "q.png" in run(asked)
+    pixels = image.imread("q.png")
     assert pixels.shape[1] > 1000 and 0.02 < (pixels[..., :3].mean(axis=2) < 0.9).mean() < 0.6
-    assert str(path) in capsys.readouterr().out
-    assert main(["quality", str(msh), "--plot", str(path)]) == 2
+    run(asked, 2)
     monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
-    assert main(["quality", str(msh), "--plot", str(path), "--force"]) == 2
-    assert "pip install 'lacmesh[view]'" in capsys.readouterr().err
+    assert "pip install 'lacmesh[view]'" in run(f"{asked} --force", 2)

@@ -1,26 +1,25 @@
 """`lacmesh mesh`: what is listed of CAD files, their meshes, and wrong requests."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.cli import main
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.gmsh import CadShape, cad
 from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
-from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
 from lacmesh.topology.orientation import analyse_orientation
 from tests.samples import each_option
 from tests.viewing import DATA
+from verification.measures.cutting import sizes
 
 pytestmark = pytest.mark.gmsh
 LUG = DATA / "pin_in_lug.step"
@@ -104,11 +103,11 @@ def tagged_as(*tags, dim=None):
 
 
 def size_of(mesh, cells):
-    return sum(measure(kind, mesh.points[n]).sum() for kind, _, n in mesh.select(cells))
+    return sizes(mesh)[cells].sum()
 
 
 def volume(mesh):
-    return size_of(mesh, np.flatnonzero(mesh.cell_dim == mesh.dim))
+    return size_of(mesh, mesh.cell_dim == mesh.dim)
 
 
 def edges_of(mesh, cells):
@@ -168,18 +167,16 @@ def test_a_plane_file_lists_curves(files, name):
     assert sides == {(1, 0, 0): 2, (-1, 0, 0): 2, (0, 1, 0): 4, (0, -1, 0): 4}
 
 
-def test_the_list_is_printed(files, capsys):
+def test_the_list_is_printed(files, run):
     """With the names of the parts of an assembly."""
     for path, words in (
         (LUG, ("2 volumes, 20 surfaces", "hollow, r = 12", "round, r = 11.8", "Cylinder", "753.98", "(0, 0, -1)")),
         (files / "plate.geo", ("1 surface, 5 curves",)),
         (files / "assembly.step", ("1 Base plate Volume", "2 Upper block Volume")),
     ):
-        assert main(["mesh", str(path), "--list"]) == 0
-        out = " ".join(capsys.readouterr().out.split())
+        out = " ".join(run(f"mesh {path} --list").split())
         assert all(part in out for part in words), out
-    assert main(["mesh", str(LUG), "--list", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(run(f"mesh {LUG} --list --json"))
     assert found["file"] == str(LUG) and len(found["shapes"]) == 22
     assert set(found["shapes"][0]) == set(CadShape.__dataclass_fields__)
 
@@ -208,24 +205,24 @@ def test_every_kind_of_file_is_meshed(files, name, size, kinds):
     assert volume(mesh) == pytest.approx(size, rel=0.03)
     skin = np.flatnonzero(mesh.cell_dim == mesh.dim - 1)
     assert len(skin) and not len(analyse_orientation(mesh, skin).to_flip)
-    for kind, x in ((k, mesh.points[n]) for k, n in mesh.blocks if CELLS[k].dim == mesh.dim):
-        assert measure(kind, x).min() > 0
+    assert sizes(mesh)[mesh.cell_dim == mesh.dim].min() > 0
 
 
-def test_groups_by_tag_and_by_box(files, tmp_path, capsys):
+def test_groups_by_tag_and_by_box(files, run):
     skin = [s for s in list_cad(files / "solids.step") if s.dim == 2]
     bore = next(s.tag for s in skin if s.radius == pytest.approx(-0.5))
     top = next(s.tag for s in skin if s.normal == pytest.approx((0, 0, 1)))
     said = [f"bore={bore}", "ends=box:-1,-1,-0.1,3,4,0.1", f"ends={top}", "body=3:1", "edge=1:1"]
     said.append("all=3:box:-9,-9,-9,9,9,9")
-    command = ["mesh", str(files / "solids.step"), "--size", "0.4", *(a for s in said for a in ("--group", s))]
-    command += ["-o", str(tmp_path / "out.msh")]
-    (tmp_path / "out.msh").touch()
-    assert main(command) == 2
-    assert main([*command, "--force", "--msh", "2.2", "--ascii"]) == 0
-    assert "bore: " in capsys.readouterr().out
-    assert (tmp_path / "out.msh").read_bytes().startswith(b"$MeshFormat\n2.2 0")
-    mesh = lacmesh.read(tmp_path / "out.msh")
+    command, out = (
+        f"mesh {files / 'solids.step'} --size 0.4 --group {' --group '.join(said)} -o out.msh",
+        Path("out.msh"),
+    )
+    out.touch()
+    run(command, 2)
+    assert "bore: " in run(f"{command} --force --msh 2.2 --ascii")
+    assert out.read_bytes().startswith(b"$MeshFormat\n2.2 0")
+    mesh = lacmesh.read(out)
     cells = mesh.cell_groups
     assert set(cells) == {"bore", "ends", "body", "edge", "all"}
     assert size_of(mesh, cells["bore"]) == pytest.approx(4 * np.pi, rel=0.06)
@@ -315,21 +312,19 @@ def test_a_tag_alone_is_a_surface_unless_the_file_is_plane(text, dim, tmp_path):
     assert {name: mesh.group_dim(name) for name in mesh.cell_groups} == {"it": dim, "curve": 1}
 
 
-def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, tmp_path, capsys):
+def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, run):
     mesh = mesh_cad(files / "open.stl", dim=2, size=0.2, groups={"side": tagged_as(2)})
     assert mesh.group_dim("side") == 2 and set(mesh.cells_by_type) == {"SEG2", "TRIA3"}
     assert size_of(mesh, np.flatnonzero(mesh.cell_dim == 2)) == pytest.approx(5)
     with pytest.raises(DataError, match="no volume"):
         mesh_cad(files / "plate.brep", dim=3)
-    target = tmp_path / "shell.msh"
-    command = ["mesh", str(LUG), "--dim", "2", "--group", "slave=15", "-o", str(target), "--size", "5"]
-    assert main([*command, "--slave", "slave", "--slave-size", "1.5"]) == 0
-    mesh = lacmesh.read(target)
+    command = f"mesh {LUG} --dim 2 --group slave=15 -o shell.msh --size 5 --slave-size 1.5"
+    run(f"{command} --slave slave")
+    mesh = lacmesh.read("shell.msh")
     (listed,) = [s for s in list_cad(LUG) if (s.dim, s.tag) == (2, 15)]
     assert size_of(mesh, mesh.cell_groups["slave"]) == pytest.approx(listed.measure, rel=0.01)
     assert mean_edge(mesh, "slave") == pytest.approx(1.5, rel=0.15) and mesh.group_dim("slave") == 2
-    assert main([*command, "--force", "--slave", "slav", "--slave-size", "1.5"]) == 2
-    assert "no group of surfaces named 'slav'" in capsys.readouterr().err
+    assert "no group of surfaces named 'slav'" in run(f"{command} --force --slave slav", 2)
 
 
 # ---- what is wrong (tests/bad_input/command_cases.py has the others)
@@ -345,26 +340,22 @@ def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, tm
         ("solids.step", "--json", 2, "--json goes with"),
     ],
 )
-def test_a_bad_file_or_request_is_one_sentence(files, tmp_path, name, options, status, words, capsys):
-    assert main(["mesh", str(files / name), "-o", str(tmp_path / "out.msh"), *options.split()]) == status
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.count("\n") == 1 and re.search(words, said.err)
-    assert said.err.startswith(f"lacmesh: error: {files / name}") or status == 2
-    assert not list(tmp_path.iterdir())
+def test_a_bad_file_or_request_is_one_sentence(files, name, options, status, words, run):
+    said = run(f"mesh {files / name} -o out.msh {options}", status)
+    assert said.count("\n") == 1 and re.search(words, said) and not list(Path().iterdir())
+    assert said.startswith("lacmesh: error: " + f"{files / name}" * (status != 2))
 
 
-def test_what_the_reader_of_step_says_is_repeated(tmp_path, capsys):
+def test_what_the_reader_of_step_says_is_repeated(run):
     """A file that ends early is an error that names the line; one that lacks some of its lines, a warning."""
     lines = LUG.read_text().splitlines(keepends=True)
-    early, lacking, broken = (tmp_path / f"{name}.step" for name in ("early", "lacking", "broken"))
+    early, lacking, broken = (Path(f"{name}.step") for name in ("early", "lacking", "broken"))
     early.write_text("".join(lines[:700]))
     lacking.write_text("".join(lines[:399] + lines[500:]))
-    assert main(["mesh", str(early), "--list"]) == 3
-    assert re.search(r"early\.step: .* Line 70\d: .*unexpected end", capsys.readouterr().err)
-    assert main(["mesh", str(lacking), "--list"]) == 0
-    said = capsys.readouterr()
-    assert "1 volume, 6 surfaces" in said.out
-    assert re.search(r"warning: .*lacking\.step: its reader says Unresolved Reference", said.err)
+    assert re.search(r"early\.step: .* Line 70\d: .*unexpected end", run("mesh early.step --list", 3))
+    said = run("mesh lacking.step --list")
+    assert "1 volume, 6 surfaces" in said
+    assert re.search(r"warning: .*lacking\.step: its reader says Unresolved Reference", said)
     broken.write_text("".join(lines).replace("ADVANCED_FACE", "ADVANCD_FACE", 1))  # its body is lost
     with pytest.warns(LacmeshWarning, match=r"13 surfaces bound no volume \(7, 8"):
         shapes = list_cad(broken)
@@ -382,14 +373,13 @@ def test_a_script_whose_last_line_has_no_end(tmp_path):
     assert {g for s in list_cad(script) for g in s.groups} == {"a", "b"}
 
 
-def test_an_output_that_cannot_be_an_absent_gmsh_and_one_that_runs(files, tmp_path, capsys, monkeypatch):
-    step = str(files / "solids.step")
+def test_an_output_that_cannot_be_an_absent_gmsh_and_one_that_runs(files, run, monkeypatch):
+    step = files / "solids.step"
     with monkeypatch.context() as patched:
         patched.setattr(cad, "opened", lambda *given: pytest.fail("meshed for nothing"))
-        for words, status in (([f"{tmp_path}/out.xyz_"], 2), ([f"{tmp_path}/no/out.msh"], 3), ([], 2)):
-            assert main(["mesh", step, *(word for place in words for word in ("-o", place))]) == status
+        for words, status in (("-o out.xyz_", 2), ("-o no/out.msh", 3), ("", 2)):
+            run(f"mesh {step} {words}", status)
     with session(), pytest.raises(RequestError, match="runs in this program"):
         list_cad(step)
     monkeypatch.setitem(sys.modules, "gmsh", None)
-    assert main(["mesh", step, "--list"]) == 2
-    assert "pip install 'lacmesh[gmsh]'" in capsys.readouterr().err
+    assert "pip install 'lacmesh[gmsh]'" in run(f"mesh {step} --list", 2)

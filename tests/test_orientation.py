@@ -1,8 +1,7 @@
 """Skins turned outward: faces with a cell behind, bare skins, macro-elements; nothing else changes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,17 +9,18 @@ import pytest
 import lacmesh
 from lacmesh import Mesh, cut_skin, generate
 from lacmesh.cells import CELLS
-from lacmesh.cli import main
 from lacmesh.cutting.recognition import recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
 from lacmesh.topology.orientation import REVERSED, analyse_orientation, orient, reverse, skin_cells
-from tests import properties
 from tests.checks.blocks import SOLIDS, two_blocks
-from tests.checks.corpus import reversed_group, without_records
-from tests.meshes import cell_with_faces, random_mesh
+from tests.checks.corpus import reversed_group
+from tests.meshes import cell_with_faces, random_mesh, same_nodes
+from tests.properties import DOFS, hold
+from verification.measures.cutting import same_up_to_numbers
 
 
 def normals(mesh, group):
@@ -43,11 +43,9 @@ def face_out(mesh, group, centre):
 
 
 def some_reversed(mesh, group, rng):
-    """The mesh with about half of a group's faces turned over, as a plain test of ours does it; and these."""
-    cells = mesh.cell_groups[group]
-    chosen = cells[rng.random(len(cells)) < 0.5]
-    named = replace(mesh, cell_groups={**mesh.cell_groups, "some": chosen})
-    return reversed_group(named, "some"), chosen
+    """The mesh with about half of a group's faces turned over; and these."""
+    chosen = mesh.cells_of(group)[rng.random(len(mesh.cells_of(group))) < 0.5]
+    return reverse(mesh, chosen), chosen
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -86,8 +84,7 @@ def test_a_concave_plane_cell(name, back):
         assert orient(mesh, "s").block(facets[0].type).tolist() == np.array(right).tolist()
         assert Surface.of(mesh, mesh.cell_groups["s"]).faces.nodes[:, :2].tolist() == np.array(right)[:, :2].tolist()
         assert ("orientation" in {f.rule for f in lacmesh.check(mesh, "s")}) == bool(wrong)
-        cuts = [cut.mesh.blocks for cut in (cut_skin(mesh, "s", orient="outward"), cut_skin(orient(mesh, "s"), "s"))]
-        assert all(np.array_equal(a.nodes, b.nodes) for a, b in zip(*cuts, strict=True))
+        assert same_nodes(cut_skin(mesh, "s", orient="outward").mesh, cut_skin(orient(mesh, "s"), "s").mesh)
 
 
 @pytest.mark.parametrize("name", ["TRIA3", "QUAD4", "TRIA6", "TRIA7", "QUAD8", "QUAD9"])
@@ -106,7 +103,7 @@ def test_the_signed_area_is_the_integral_of_the_determinant(name):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_everything_else_is_kept(dim, order):
     """A cut that turns faces outward is the cut of these faces turned, with the same cells as if they were not."""
-    mesh = random_mesh(np.random.default_rng(order), dim, order, slaves=8)
+    mesh = random_mesh(np.random.default_rng(order), dim, order, slaves=12, interior=True)
     after = orient(mesh, "slave")
     for name in ("points", "node_number", "cell_number", "file_order"):
         np.testing.assert_array_equal(getattr(after, name), getattr(mesh, name))
@@ -114,12 +111,10 @@ def test_everything_else_is_kept(dim, order):
     assert all((after.cell_data[k] == v).all() for k, v in mesh.cell_data.items())
     for a, b in zip(after.blocks, mesh.blocks, strict=True):
         assert (np.sort(a.nodes, axis=1) == np.sort(b.nodes, axis=1)).all()
-    assert len(analyse_orientation(after, after.cell_groups["slave"]).to_flip) == 0
-    assert any((a.nodes != b.nodes).any() for a, b in zip(after.blocks, mesh.blocks, strict=True))
+    assert len(analyse_orientation(after, after.cell_groups["slave"]).to_flip) == 0 and not same_nodes(after, mesh)
     outward = cut_skin(mesh, "slave", orient="outward")
-    cuts = outward.mesh.blocks, cut_skin(after, "slave").mesh.blocks
-    assert all(np.array_equal(a.nodes, b.nodes) for a, b in zip(*cuts, strict=True))
-    assert properties.canonical(outward.mesh) == properties.canonical(cut_skin(mesh, "slave").mesh)
+    assert same_nodes(outward.mesh, cut_skin(after, "slave").mesh)
+    assert same_up_to_numbers(outward.mesh, cut_skin(mesh, "slave").mesh)
 
 
 @pytest.mark.parametrize("inward", [False, True])
@@ -224,11 +219,9 @@ def test_a_turned_macro_element_is_that_of_a_turned_face(name, hexa):
     if name != "HEXA27":
         shares = [lacmesh.aster_multipliers(one).share.sum() for one in (view, cut)]
         np.testing.assert_allclose(*shares, rtol=1e-12)
-    properties.owns_internal_dofs(mesh, view)
+    hold(mesh, view, DOFS)
     again = reverse(reverse(cut.mesh, cut.mesh.cell_groups["slave"]), cut.mesh.cell_groups["slave"])
-    for a, b in zip(again.blocks, cut.mesh.blocks, strict=True):
-        np.testing.assert_array_equal(a.nodes, b.nodes)
-    np.testing.assert_array_equal(again.cell_data["lac_child"], cut.mesh.cell_data["lac_child"])
+    assert same_nodes(again, cut.mesh) and (again.cell_data["lac_child"] == cut.mesh.cell_data["lac_child"]).all()
 
 
 def places(cut):
@@ -261,17 +254,13 @@ def test_groups_that_hold_no_skin():
             orient(asked, group)
 
 
-def test_the_command(tmp_path, capsys):
-    source, target = tmp_path / "part.msh", tmp_path / "part.out.msh"
-    mesh = reversed_group(two_blocks("HEXA8"), "slave")
-    lacmesh.write(source, mesh)
-    assert main(["orient", str(source), "--group", "slave", "--group", "master"]) == 0
-    said = capsys.readouterr().out
+def test_the_command(run):
+    lacmesh.write("part.msh", reversed_group(two_blocks("HEXA8"), "slave"))
+    said = run("orient part.msh --group slave --group master")
     assert "slave: 4 of 4 faces flipped" in said and "master: 0 of 9 faces flipped" in said
-    assert face_up(lacmesh.read(target), "slave").all()
-    assert main(["orient", str(source), "--group", "slave"]) == 2, "an output that exists"
-    assert main(["orient", str(source), "--group", "slave", "--force", "--quiet"]) == 0
-    assert capsys.readouterr().out == ""
-    assert main(["orient", str(source), "--group", "body0", "-o", str(tmp_path / "x.msh")]) == 1
-    assert main(["orient", str(source), "--group", "nobody", "-o", str(tmp_path / "x.msh")]) == 2
-    assert not (tmp_path / "x.msh").exists()
+    assert face_up(lacmesh.read("part.out.msh"), "slave").all()
+    run("orient part.msh --group slave", 2)  # an output that exists
+    assert run("orient part.msh --group slave --force --quiet") == ""
+    for group, status in (("body0", 1), ("nobody", 2)):
+        run(f"orient part.msh --group {group} -o x.msh", status)
+    assert not Path("x.msh").exists()

@@ -1,7 +1,5 @@
 """The wheel as a user has it, beside no checkout; files for the forge, conda and containers agree with the project."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The pages: their commands and examples run and print what stands there; links, tables, figures and lists of names."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import doctest
@@ -35,8 +33,8 @@ from lacsolver.results.results import STATUSES, FrictionFigures, ZoneFigures
 from tests import REPOSITORY
 from tests.lacsolver.written import ZONES, made_up
 from tests.meshes import cell_with_faces
-from tests.properties import volumes
 from tests.test_tutorials import shows_what_the_page_shows, tutorials
+from verification.measures.cutting import sizes
 
 __all__ = ["tutorials"]
 DOCS = REPOSITORY / "docs"
@@ -339,6 +337,6 @@ def test_a_distorted_cell_keeps_its_volume_but_for_serendipity_faces(name, j, fa
     mesh = cell_with_faces(name, (j,))
     mesh = replace(mesh, points=mesh.points + 0.05 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape))
     for hexa in ("pyramid", "hexa") if name in RING_PARENTS else ("pyramid",):
-        before, after = (volumes(m)[m.cell_dim == 3].sum() for m in (mesh, cut_skin(mesh, "slave", hexa=hexa).mesh))
+        before, after = (sizes(m)[m.cell_dim == 3].sum() for m in (mesh, cut_skin(mesh, "slave", hexa=hexa).mesh))
         least, most = (1e-9, 2e-3 if hexa == "hexa" else 2e-4) if face == "QUAD8" else (-1, 1e-12)
         assert least < abs(after / before - 1) < most

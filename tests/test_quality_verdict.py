@@ -1,7 +1,5 @@
 """Verdict's measures are those that pyvista computes, whatever the size of a cell; ranges, relative sizes, angles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

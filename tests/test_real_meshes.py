@@ -1,7 +1,5 @@
 """Whole files, cut, written, and opened by the programs that people use; a generated twin of each always runs."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -12,13 +10,14 @@ import pytest
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.cutting.recognition import find_macros, recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
-from tests import properties
-from tests.checks.corpus import without_records
 from tests.formats.med_peer import ask
 from tests.meshes import random_mesh
+from tests.properties import CONFORMING, DOFS, KEPT, UNTOUCHED, hold
 from tests.samples import each_option, samples
 from tests.test_recognition import same
+from verification.measures.cutting import sizes
 
 #: code_aster's meshes and the groups that its tests take as slave
 SLAVE = {
@@ -52,9 +51,7 @@ def gmsh_says(path):
 def opens_everywhere(mesh, slave, folder):
     """Cut; gmsh and medcoupling find the same groups, cell by cell, and the cut's records as fields."""
     cut = lacmesh.cut_skin(mesh, slave)
-    properties.is_conforming(mesh, cut)
-    properties.groups_follow(mesh, cut)
-    properties.owns_internal_dofs(mesh, cut)
+    hold(mesh, cut, CONFORMING, UNTOUCHED, DOFS, KEPT)
     after = cut.mesh
     same_sign_as_parents(mesh, cut)
     msh, med = folder / "cut.msh", folder / "cut.med"
@@ -79,7 +76,7 @@ def same_sign_as_parents(mesh, cut):
     row = {int(n): k for k, n in enumerate(mesh.cell_number)}
     children = np.flatnonzero(cut.parent_of_cell >= 0)
     parents = [row[int(n)] for n in cut.parent_of_cell[children]]
-    assert (properties.volumes(cut.mesh)[children] * properties.volumes(mesh)[parents] > 0).all()
+    assert (sizes(cut.mesh)[children] * sizes(mesh)[parents] > 0).all()
 
 
 @pytest.mark.rows("ssnp150c", "ssnv219e")

@@ -1,10 +1,6 @@
 """A cut whose records are gone is recognised on request, and without the request a mesh without records is uncut."""
 
-from __future__ import annotations
-
 import json
-import re
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -12,17 +8,14 @@ import pytest
 
 import lacmesh
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
-from lacmesh.cells import CELLS
-from lacmesh.cli import main
-from lacmesh.cutting.cut import CELL_RECORDS
 from lacmesh.cutting.recognition import find_macros, recognise
+from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
-from tests.checks.blocks import SOLIDS, two_blocks
-from tests.checks.corpus import without_records
-from tests.meshes import cell_with_faces, random_mesh
+from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
+from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
-from tests.test_cut_cells import CASES, CUTS, after_aster, ways
+from tests.test_cut_cells import BODIES, CUTS, after_aster, cuts
 
 
 def facts(cut):
@@ -41,37 +34,9 @@ def same(cut, found):
 # ---- what we cut
 
 
-@pytest.mark.rows(
-    "TRIA3-1-pyramid",
-    "TRIA6-2-pyramid",
-    "TRIA7-0-pyramid",
-    "QUAD4-3-pyramid",
-    "QUAD8-0-pyramid",
-    "QUAD9-0-pyramid",
-    "TETRA4-1-pyramid",
-    "TETRA10-1-pyramid",
-    "HEXA8-0-hexa",
-    "HEXA20-1-hexa",
-    "HEXA27-5-pyramid",
-    "PENTA6-1-pyramid",
-    "PENTA15-0-pyramid",
-    "PENTA18-0-pyramid",
-    "PYRAM5-1-pyramid",
-    "PYRAM13-3-pyramid",
-    "PYRAM14-4-pyramid",
-)
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "j", "variant"), CASES)
-def test_one_slave_face(name, j, variant):
-    for rotation, inward in ways(name, j):
-        cut = cut_skin(cell_with_faces(name, (j,), rotation, inward), "slave", hexa=variant)
-        same(cut, recognise(without_records(cut.mesh), "slave"))
-
-
-@pytest.mark.parametrize(("name", "variant"), sorted({(name, variant) for name, _, variant in CASES}))
-def test_several_slave_faces_of_one_cell(name, variant):
-    for n in range(2, len(CELLS[name].facets) + 1):
-        cut = cut_skin(cell_with_faces(name, tuple(range(n)), n, bool(n % 2)), "slave", hexa=variant)
+@pytest.mark.parametrize("name", BODIES)
+def test_cells_by_every_facet_turn_variant_and_set_of_facets(name):
+    for _, cut in cuts(name):
         same(cut, recognise(without_records(cut.mesh), "slave"))
 
 
@@ -83,8 +48,7 @@ def test_several_slave_faces_of_one_cell(name, variant):
 def test_random_meshes(seed, dim, order):
     """Mixtures with faces between cells, duplicates, both orientations, any numbering; and uncut ones find nothing."""
     rng = np.random.default_rng([seed, dim, order])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)  # of duplicates
+    with lenient():  # of duplicates
         mesh = random_mesh(rng, dim, order, slaves=8 if dim == 2 else 6, interior=bool(seed % 2), twins=seed % 3 == 0)
         assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
         for hexa in ("pyramid", "hexa"):
@@ -132,30 +96,13 @@ def test_zones_keep_their_order():
     assert (found.parent_of_cell == -1).all(), "what was replaced is not in the mesh any more"
 
 
-def renumbered(mesh, order):
-    """The mesh with its nodes in another order."""
-    blocks = [(b.type, np.argsort(order)[b.nodes]) for b in mesh.blocks]
-    return Mesh.create(mesh.points[order], blocks, cell_groups=mesh.cell_groups)
-
-
-def reordered(mesh, rng):
-    """The mesh with the cells of each type in another order, and the new place of each cell."""
-    rows = [rng.permutation(len(b.nodes)) for b in mesh.blocks]
-    new = np.argsort(np.concatenate([start + r for start, r in zip(mesh.offsets, rows, strict=False)]))
-    blocks = [(b.type, b.nodes[r]) for b, r in zip(mesh.blocks, rows, strict=True)]
-    groups = {name: new[members] for name, members in mesh.cell_groups.items()}
-    return Mesh.create(mesh.points, blocks, cell_groups=groups), new
-
-
 def test_numbers_and_places_of_another_program():
     """Other numbers, another order of cells, coordinates with seven digits."""
     rng = np.random.default_rng(3)
     names = ("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("PENTA6", "pyramid"), ("QUAD4", "hexa")
     for name, hexa in (*names, ("TRIA3", "pyramid")):
         cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
-        mesh = without_records(cut.mesh)
-        mesh = renumbered(mesh, rng.permutation(mesh.n_nodes))
-        mesh, new = reordered(mesh, rng)
+        mesh, new = renumbered(without_records(cut.mesh), rng)
         mesh = replace(mesh, points=mesh.points.astype(np.float32).astype(float))
         assert cut_skin(mesh, "slave").n_macros > cut.n_macros, "nobody requested recognition"
         found = recognise(mesh, "slave")
@@ -288,17 +235,13 @@ def test_a_cut_with_records_is_cut_again_on_request():
         assert ("not-cut" in {f.rule for f in found}) == (macros == 20)
 
 
-def test_the_command_decides(tmp_path, capsys):
-    lacmesh.write(tmp_path / "o.vtu", o_grid(0.5))
-    asked = ["cut", str(tmp_path / "o.vtu"), "--slave", "slave", "-o", str(tmp_path / "a.vtu"), "--force"]
-    for option, macros in (("--recut", 5), ("--recognise", 1)):
-        assert main([*asked, option]) == 0
-        assert Cut(lacmesh.read(tmp_path / "a.vtu")).n_macros == macros
-    assert main([*asked, "--recut", "--recognise"]) == 2
-    lacmesh.write(tmp_path / "o.vtu", without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh))
-    capsys.readouterr()
-    assert main(asked) == 0
-    assert Cut(lacmesh.read(tmp_path / "a.vtu")).n_macros == 20 and not capsys.readouterr().err
+def test_the_command_decides(run):
+    cut = without_records(cut_blocks("HEXA8", "hexa"))
+    for mesh, option, macros in ((o_grid(0.5), "--recut", 5), (o_grid(0.5), "--recognise", 1), (cut, "", 20)):
+        lacmesh.write("o.vtu", mesh)
+        assert "lacmesh: " not in run(f"cut o.vtu --slave slave -o a.vtu --force {option}")
+        assert Cut(lacmesh.read("a.vtu")).n_macros == macros
+    run("cut o.vtu --slave slave -o a.vtu --force --recut --recognise", 2)
 
 
 def test_a_skin_that_is_cut_in_part_is_not_recognised():
@@ -323,20 +266,7 @@ def test_groups_that_are_missing_or_have_no_faces():
     assert recognise(mesh, "none") is None and recognise(mesh, "body") is None
 
 
-# ---- through files that keep no fields
-
-
-def test_through_a_file_without_fields(tmp_path):
-    """A recognised cut can be used as a cut: code_aster's multipliers come out the same."""
-    cut = cut_skin(two_blocks("HEXA20"), "slave", hexa="hexa")
-    path = tmp_path / "cut.msh"
-    lacmesh.write(path, cut.mesh, msh="2.2", binary=False)
-    text = re.sub(r"\$(ElementData|NodeData|LacMesh)\n.*?\$End\1\n", "", path.read_text(), flags=re.S)
-    path.write_text(text)
-    mesh = lacmesh.read(path)
-    assert not set(CELL_RECORDS) & set(mesh.cell_data)
-    found = recognise(mesh, "slave")
-    same(cut, found)
-    a, b = lacmesh.aster_multipliers(cut), lacmesh.aster_multipliers(found)
-    np.testing.assert_array_equal(a.nodes, b.nodes)
-    np.testing.assert_array_equal(a.patch_code, b.patch_code)
+def test_a_recognised_cut_has_the_multipliers_of_code_aster():
+    cut = cut_blocks("HEXA20", "hexa")
+    a, b = (lacmesh.aster_multipliers(one) for one in (Cut(cut), recognise(without_records(cut), "slave")))
+    assert np.array_equal(a.nodes, b.nodes) and np.array_equal(a.patch_code, b.patch_code)

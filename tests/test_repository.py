@@ -1,7 +1,5 @@
 """Rules of the packages: who prints, what is imported when used, public names; and noise in the tests."""
 
-from __future__ import annotations
-
 import ast
 import builtins
 import importlib

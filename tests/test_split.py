@@ -1,7 +1,5 @@
 """A mesh that is split: sides, copies of nodes, front and junctions against plain searches; nothing else changes."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import replace
@@ -13,15 +11,15 @@ import pytest
 import lacmesh
 from lacmesh import LacmeshWarning, Mesh, check, cut_skin, generate, measure_quality, split
 from lacmesh.cells import CELLS
-from lacmesh.cli import main
 from lacmesh.cutting.split import split_skins
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
-from lacmesh.topology.orientation import face_normals, reverse
+from lacmesh.topology.orientation import analyse_orientation, face_normals, reverse
 from lacmesh.topology.skin import faces_of
-from tests import properties
 from tests.meshes import facets_of, random_mesh
+from verification.measures.cutting import sizes
 
 BODIES = [name for name, cell in CELLS.items() if cell.dim > 1]
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 def keys_of(mesh, name):
@@ -106,23 +104,16 @@ def same_solids(mesh, new, opened):
 
 
 def solid_volume(mesh):
-    return abs(properties.volumes(mesh)[mesh.cell_dim == mesh.dim]).sum()
+    return abs(sizes(mesh)[mesh.cell_dim == mesh.dim]).sum()
 
 
 def outward_pairs(new, name):
     """Each face of a skin belongs to one cell, points out of it, and has one of the other skin at its place."""
-    table, at = facets_of(new), []
-    for end in "ab":
-        places = []
-        for kind, _, nodes in new.select(new.cell_groups[f"{name}_{end}"]):
-            n = CELLS[kind].n_corners
-            for row in nodes:
-                ((_, _, _, there),) = table[tuple(sorted(row[:n].tolist()))]
-                corners, ring = row[:n].tolist(), there[:n].tolist()
-                k = ring.index(corners[0])
-                assert corners == (ring[k:] + ring[:k] if n > 2 else ring)
-                places.append(tuple(sorted(map(tuple, np.round(new.points[row], 12).tolist()))))
-        at.append(sorted(places))
+    at = []
+    for cells in (new.cell_groups[f"{name}_{end}"] for end in "ab"):
+        assert not any(map(len, vars(analyse_orientation(new, cells)).values()))
+        rows = (row for _, _, nodes in new.select(cells) for row in nodes)
+        at.append(sorted(sorted(map(tuple, np.round(new.points[row], 12).tolist())) for row in rows))
     assert at[0] == at[1]
 
 
@@ -224,25 +215,19 @@ def side_a(mesh):
     return np.array(sorted(np.concatenate(centres).round(9).tolist()))
 
 
-def reversed_faces(mesh, cells):
-    return reverse(mesh, np.sort(cells))
-
-
 @pytest.mark.parametrize("kind", ["TRIA6", "TETRA4", "PENTA15"])
 def test_the_normal_points_from_a_to_b_wherever_the_model_lies(kind):
     up = CELLS[kind].dim - 1
     mesh = skins_of(kind, G=plane_of(up, 0.5))
     cells = mesh.cell_groups["G"]
     up_normals = face_normals(mesh, faces_of(mesh, cells))[:, up] > 0
-    alike = reversed_faces(mesh, cells[~up_normals])  # all normals along +up: b is above
+    alike = reverse(mesh, cells[~up_normals])  # all normals along +up: b is above
     below = side_a(split(alike, "G"))
     assert below[:, up].max() < 0.5
-    assert side_a(split(reversed_faces(alike, cells), "G"))[:, up].min() > 0.5
-    few = reversed_faces(alike, cells[: len(cells) // 3])
-    assert np.array_equal(side_a(split(few, "G")), below), "most of the faces decide"
-    half = reversed_faces(alike, cells[: len(cells) // 2])
-    assert np.array_equal(side_a(split(half, "G")), below), "b is where the coordinate grows"
-    assert np.array_equal(side_a(split(reversed_faces(half, cells), "G")), below)
+    assert side_a(split(reverse(alike, cells), "G"))[:, up].min() > 0.5
+    few, half = (reverse(alike, cells[: len(cells) // n]) for n in (3, 2))
+    for one in (few, half, reverse(half, cells)):  # most of the faces decide; b is where the coordinate grows
+        assert np.array_equal(side_a(split(one, "G")), below)
     shift = np.array([1e4, -3e4, 5e4 * (up == 2)])
     assert np.allclose(side_a(split(replace(alike, points=alike.points + shift), "G")), below + shift)
 
@@ -318,13 +303,11 @@ def test_faces_that_cannot_open_stay_closed():
 
 @pytest.mark.rows(".mail", ".xdmf")
 @pytest.mark.parametrize("suffix", [".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf"])
-def test_the_command_writes_every_format(suffix, tmp_path, capsys):
-    source, target = tmp_path / "in.msh", tmp_path / f"out{suffix}"
-    lacmesh.write(source, skins_of("HEXA20", CRACK=plane_of(2, 0.5, high=0.5)).renamed(top="TOP"))
-    assert main(["split", str(source), "--faces", "CRACK", "-o", str(target)]) == 0
-    printed = capsys.readouterr().out
+def test_the_command_writes_every_format(suffix, run):
+    lacmesh.write("in.msh", skins_of("HEXA20", CRACK=plane_of(2, 0.5, high=0.5)).renamed(top="TOP"))
+    printed = run(f"split in.msh --faces CRACK -o out{suffix}")
     assert "faces of CRACK in CRACK_a, CRACK_b" in printed and "on the front" in printed
-    new, wanted = lacmesh.read(target), split(lacmesh.read(source), "CRACK")
+    new, wanted = lacmesh.read(f"out{suffix}"), split(lacmesh.read("in.msh"), "CRACK")
     names = {name.upper(): name for name in new.cell_groups}
     skins = [names["CRACK_A"], names["CRACK_B"]]
     assert [len(new.cell_groups[name]) for name in skins] == [8, 8]
@@ -332,38 +315,31 @@ def test_the_command_writes_every_format(suffix, tmp_path, capsys):
     assert not check(cut_skin(new, skins[0]), master=skins[1]).errors
 
 
-def test_the_commands_of_the_page_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_commands_of_the_page_run_and_ask_before_they_replace(run):
     lacmesh.write("part.msh", skins_of("TETRA10", crack=plane_of(2, 0.5, high=0.5)))
-    page = (Path(__file__).parents[1] / "docs" / "split.md").read_text(encoding="utf-8")
-    commands = re.findall(r"^\$ lacmesh (.*)$", page, re.MULTILINE)
-    assert [main(shlex.split(command)) for command in commands] == [0, 0, 0]
+    commands = re.findall(r"^\$ lacmesh (.*)$", (DOCS / "split.md").read_text(encoding="utf-8"), re.MULTILINE)
+    for command in commands:
+        run(shlex.split(command))
+    assert len(commands) == 3
+    lacmesh.write("in.msh", skins_of("TRIA3", G=plane_of(1, 0.5)))
+    run("split in.msh --faces G -q")
+    assert lacmesh.read("in.split.msh").cell_groups.keys() >= {"G_a", "G_b"}
+    assert "--force" in run("split in.msh --faces G", 2)
+    for group, status in (("G", 0), ("H", 2), ("body", 1)):
+        run(f"split in.msh --faces {group} --force -q", status)
 
 
-def test_the_command_asks_before_it_replaces(tmp_path, capsys):
-    source = tmp_path / "in.msh"
-    lacmesh.write(source, skins_of("TRIA3", G=plane_of(1, 0.5)))
-    asked = ["split", str(source), "--faces"]
-    assert main([*asked, "G", "-q"]) == 0
-    assert lacmesh.read(tmp_path / "in.split.msh").cell_groups.keys() >= {"G_a", "G_b"}
-    assert main([*asked, "G"]) == 2
-    assert "--force" in capsys.readouterr().err
-    statuses = [main([*asked, name, "--force", "-q"]) for name in ("G", "H", "body")]
-    assert statuses == [0, 2, 1]
-
-
-def test_a_deck_follows_the_split(tmp_path, capsys):
+def test_a_deck_follows_the_split(run):
     """Elements of side b take the copies, a set of nodes has them too; a condition of a node by number is an error."""
-    mesh = skins_of("HEXA8", n=2, G=plane_of(2, 0.5))
-    source, target = tmp_path / "in.inp", tmp_path / "out.inp"
+    mesh, source = skins_of("HEXA8", n=2, G=plane_of(2, 0.5)), Path("in.inp")
     lacmesh.write(source, mesh)
     node = int(mesh.node_number[np.isclose(mesh.points[:, 2], 0.5)][0])
     text = source.read_text() + f"*NSET, NSET=ONE\n{node}\n*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*BOUNDARY\n"
     source.write_text(text + "ONE, 1, 3\n")
-    assert main(["split", str(source), "--faces", "G", "-o", str(target), "-q"]) == 0
-    divided = lacmesh.read(target)
+    run("split in.inp --faces G -o out.inp -q")
+    divided = lacmesh.read("out.inp")
     assert divided.n_nodes == mesh.n_nodes + 9
     assert {node, int(mesh.node_number.max()) + 1} <= {*divided.node_number[divided.node_groups["ONE"]].tolist()}
     source.write_text(text + f"{node}, 1, 3\n")
-    assert main(["split", str(source), "--faces", "G", "-o", str(target), "-q", "--force"]) == 1
-    assert "*BOUNDARY" in (message := capsys.readouterr().err) and "give a set of nodes" in message
+    said = run("split in.inp --faces G -o out.inp -q --force", 1)
+    assert "*BOUNDARY" in said and "give a set of nodes" in said

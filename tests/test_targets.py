@@ -1,7 +1,5 @@
 """Targets: what each takes, and what a cut would give it, said before it is made."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np
@@ -29,17 +27,8 @@ CASES = [
 
 
 @pytest.mark.rows(
-    "TETRA4-0-hexa",
-    "TETRA10-0-pyramid",
-    "HEXA8-0-pyramid",
-    "HEXA20-0-hexa",
-    "HEXA27-0-hexa",
-    "PENTA6-0-pyramid",
-    "PENTA15-2-hexa",
-    "PENTA18-2-pyramid",
-    "PYRAM5-1-hexa",
-    "PYRAM13-1-pyramid",
-    "PYRAM14-0-hexa",
+    "TETRA4-0-hexa; TETRA10-0-pyramid; HEXA8-0-pyramid; HEXA20-0-hexa; HEXA27-0-hexa; PENTA6-0-pyramid; "
+    "PENTA15-2-hexa; PENTA18-2-pyramid; PYRAM5-1-hexa; PYRAM13-1-pyramid; PYRAM14-0-hexa"
 )
 @pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
 @pytest.mark.parametrize(("kind", "facet"), CASES)

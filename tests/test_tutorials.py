@@ -1,7 +1,5 @@
 """The tutorials, run as their pages stand: what commands print, their pictures, and the figures that pages quote."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import re

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -19,13 +19,19 @@ from lacmesh.grids import PALETTE, grid_of, outer_faces, painted
 from lacmesh.reference.quadrature import measure
 from lacmesh.view import cell_values, page, picture, plotter
 from tests.meshes import cell_with_faces, random_mesh
-from tests.viewing import Browser, cut_blocks, status, tones
+from tests.viewing import DATA, DRAG, shown, tones
 
 pyvista = pytest.importorskip("pyvista")
 pytestmark = pytest.mark.vtk
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
 SURFACES = [name for name, cell in CELLS.items() if cell.dim == 2]
 SMALL = (480, 300)
+
+
+@pytest.fixture
+def blocks(tmp_path):
+    """The two blocks, cut, in the file blocks.msh."""
+    lacmesh.write(tmp_path / "blocks.msh", cut_skin(lacmesh.read(DATA / "two_blocks.msh"), "slave").mesh)
 
 
 class Finding(NamedTuple):
@@ -245,13 +251,11 @@ def test_cells_are_coloured_by_a_value_and_invalid_ones_are_red():
 
 
 @pytest.mark.slow
-def test_pictures_have_their_size_and_colours_and_are_twice_the_same(tmp_path, capsys):
+def test_pictures_have_their_size_and_colours_and_are_twice_the_same(blocks, run, tmp_path):
     from PIL import Image
 
-    cut = cut_blocks(tmp_path)
     for name in ("one.png", "two.png"):
-        code, printed = status(capsys, cut, "--master", "master", "-o", tmp_path / name, "--size", "480x300")
-        assert code == 0 and printed.startswith(f"{tmp_path / name}: ")
+        assert run(f"view blocks.msh --master master -o {name} --size 480x300").startswith(f"{name}: ")
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     assert min(tones(tmp_path / "one.png", *PALETTE[:4], MASTER)) > 60
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.msh", "one.png", "two.png"]
@@ -280,10 +284,8 @@ def test_pictures_have_their_size_and_colours_and_are_twice_the_same(tmp_path, c
         *((f"-o a.png --size={size}", "1600x1000") for size in ("100", "0x5", "axb", "-3x4")),
     ],
 )
-def test_a_wrong_request(arguments, words, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    code, printed = status(capsys, cut_blocks(tmp_path), *arguments.split())
-    assert code == 2 and words in printed and [p.name for p in tmp_path.iterdir()] == ["blocks.msh"]
+def test_a_wrong_request(arguments, words, blocks, run):
+    assert words in run(f"view blocks.msh {arguments}", 2) and [p.name for p in Path().iterdir()] == ["blocks.msh"]
 
 
 def test_a_picture_without_a_package_a_renderer_or_a_folder(tmp_path, monkeypatch):
@@ -316,19 +318,12 @@ def test_a_picture_without_a_package_a_renderer_or_a_folder(tmp_path, monkeypatc
 
 @pytest.mark.browser
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_a_page_opens_offline_and_turns(tmp_path, capsys):
+def test_a_page_opens_offline_and_turns(blocks, run):
     pytest.importorskip("trame_pyvista")
-    target = tmp_path / "blocks.html"
-    assert status(capsys, cut_blocks(tmp_path), "--master", "master", "-o", target)[0] == 0
-    text = target.read_text(encoding="utf-8")
-    assert not re.search(r"""(?:src|href)\s*=\s*["']https?:""", text) and target.stat().st_size < 5e6
-    started = Browser(tmp_path / "browser", size=(400, 300))  # software draws large pages in minutes
-    try:
-        started.ask("Page.navigate", url=target.as_uri())
-        started.wait("document.querySelector('canvas')?.width > 100")
-        before = started.screenshot()
-        started.drag((200, 150), (120, 100))
-        assert started.screenshot() != before
-        assert not [line for line in started.said if "error" in json.dumps(line).lower()]
-    finally:
-        started.close()
+    run("view blocks.msh --master master -o blocks.html")
+    page, dragged = Path("blocks.html").resolve(), Path("dragged.html").resolve()
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)\s*=\s*["']https?:""", text) and page.stat().st_size < 5e6
+    dragged.write_text(text.replace("</body>", f"{DRAG}</body>"), encoding="utf-8")
+    (before, said), (after, _) = shown(page), shown(dragged)
+    assert before != after and not [line for line in said if "error" in line.lower()]

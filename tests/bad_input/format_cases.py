@@ -1,7 +1,5 @@
 """Errors in files of each format as such: in their sections, counts and numbers, and in the HDF5 file beside XDMF."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct
@@ -20,6 +18,7 @@ from tests.bad_input import raw
 from tests.bad_input.case import CUT, INFO, Case
 from tests.bad_input.mesh_cases import WRITERS
 from tests.bad_input.raw import two_hexahedra
+from tests.formats import test_xml, texts
 
 #: of msh 4.1 binary, the head of its nodes; of 2.2, that of a cell
 BLOCK, HEADER = struct.pack("<3iq", 3, 1, 0, 12), struct.pack("<3i", 5, 1, 2)
@@ -101,8 +100,23 @@ _MORE = ("*NODE\n", "*INCLUDE, INPUT=more.inp\n*NODE\n")
 _WARNED = {}, {"status": 0, "command": INFO}
 
 
+def _texts():
+    """Small files that are wrong in one place, each with that place and words on it."""
+    for name in ("inp", "mail"):
+        for what, (text, line, words) in texts.WRONG[name].items():
+            yield Case("text", name, what, text.encode(), says=rf"line {line}\b.*{re.escape(words)}")
+    for old, new, words in texts.WRONG["msh"]["changes"]:
+        content, says = edited(texts.ASCII4.encode(), old, new), rf"^(?=.*(line|byte) ).*{re.escape(words)}"
+        yield Case("text", "msh 4.1 ASCII", f"{old!r} -> {new!r}", content, says=says)
+    for what, (text, words) in test_xml.WRONG_VTU.items():
+        yield Case("text", "vtu", what, text.encode(), says=words)
+    for what, (body, words) in test_xml.WRONG_XDMF.items():
+        yield Case("text", "xdmf", what, test_xml.document(body).encode(), says=words)
+
+
 def cases():
-    """Edits of every format; then sections, fields and notes of msh; decks and files of several parts."""
+    """Texts; edits of every format; then sections, fields and notes of msh; decks and files of several parts."""
+    yield from _texts()
     for name, kinds in EDITS.items():
         for kind, edits in kinds.items():
             for what, old, new, *says in edits:

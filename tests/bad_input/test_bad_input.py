@@ -1,7 +1,5 @@
 """Every bad input gets one sentence and its status, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Healthy meshes: two blocks, one over the other, of every cell type; the lower one's top is the slave."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lacmesh import Mesh, cut_skin, generate

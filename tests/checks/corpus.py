@@ -9,10 +9,10 @@ import numpy as np
 
 from lacmesh import Mesh, cut_skin, join, split
 from lacmesh.cells import CELLS
-from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.cutting.records import without_records
 from lacmesh.generate import box, line, rectangle
 from lacmesh.generate.parts import SEAM, sew
-from lacmesh.topology.orientation import REVERSED
+from lacmesh.topology.orientation import reverse
 from tests.checks.blocks import cut_blocks, skin, two_blocks
 from tests.coarse_rings import rings
 
@@ -104,21 +104,7 @@ def of_type(mesh, kind, group):
 
 def reversed_group(mesh, group):
     """A mesh with the faces of a group turned over."""
-    blocks = []
-    for start, b in zip(mesh.offsets, mesh.blocks, strict=False):
-        rows = np.isin(start + np.arange(len(b.nodes)), mesh.cell_groups[group])
-        blocks.append(
-            b._replace(nodes=put(b.nodes, rows, b.nodes[rows][:, REVERSED[b.type]]) if rows.any() else b.nodes)
-        )
-    return replace(mesh, blocks=tuple(blocks))
-
-
-def without_records(mesh):
-    """A cut mesh as another program would write it."""
-    data = {k: v for k, v in mesh.cell_data.items() if k not in CELL_RECORDS}
-    return replace(
-        mesh, cell_data=data, node_data={k: v for k, v in mesh.node_data.items() if k != NODE_RECORD}, zones=()
-    )
+    return reverse(mesh, mesh.cells_of(group))
 
 
 def cut(mesh, slave="slave"):
@@ -209,8 +195,7 @@ def cells_behind_missing(mesh):
 def without_upper_body(mesh, turned):
     """A bare master, so many of whose faces are turned."""
     bare = changed(mesh, drop=mesh.cell_groups["body1"])
-    some = replace(bare, cell_groups={"some": bare.cell_groups["master"][:turned]})
-    return replace(reversed_group(some, "some"), cell_groups=bare.cell_groups)
+    return reverse(bare, bare.cells_of("master")[:turned])
 
 
 @defect("non-manifold", 3, "interface", "partial-coverage", on="HEXA27")

@@ -1,11 +1,10 @@
 """The check: each broken mesh is named by its rule; records, places, crossing faces; pairs; the page and commands."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -18,7 +17,6 @@ from lacmesh.cells import CELLS, PIECES
 from lacmesh.checks import RULES, check
 from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
 from lacmesh.checks.request import split_pairs
-from lacmesh.cli import main
 from lacmesh.errors import RequestError
 from lacmesh.generate import rectangle
 from lacmesh.topology.skin import Faces
@@ -279,41 +277,37 @@ def test_a_pair_is_split_where_both_sides_are_groups(fresh):
 # ---- the commands and the page
 
 
-def test_the_commands_take_pairs(fresh, capsys, monkeypatch):
+def test_the_commands_take_pairs(run, monkeypatch):
     lacmesh.write("bolted.msh", bolted())
-    pairs = [word for a, b in PAIRS for word in ("--pair", f"{a}:{b}")]
-    assert main(["cut", "bolted.msh", *pairs, "-o", "cut.msh", "--report", "cut.html"]) == 0
-    assert "partial-coverage: head on flange: of 10 macro-elements" in capsys.readouterr().err
-    assert "head on flange: gap from" in (fresh / "cut.html").read_text()
-    assert main(["check", "cut.msh", *pairs]) == 0
-    out = " ".join(capsys.readouterr().out.split())
+    pairs = " ".join(f"--pair {a}:{b}" for a, b in PAIRS)
+    said = run(f"cut bolted.msh {pairs} -o cut.msh --report cut.html")
+    assert "partial-coverage: head on flange: of 10 macro-elements" in said
+    assert "head on flange: gap from" in Path("cut.html").read_text()
+    out = " ".join(run(f"check cut.msh {pairs}").split())
     assert "pair head on flange" in out and "70 % of the slave; macro-elements: 7 whole, 0 in part, 3 not" in out
-    assert main(["check", "cut.msh", *pairs, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(run(f"check cut.msh {pairs} --json"))
     assert [one["covered_macro_elements"] for one in found["summary"]["pairs"]] == [7, 6]
     plotter = Mock(wraps=lacmesh.view.plotter)
     monkeypatch.setattr(lacmesh.view, "plotter", plotter)
-    assert main(["view", "cut.msh", *pairs, "--check", "--title", "<pairs>", "-o", "cut_view.html", "-q"]) == 0
-    assert "<title>&lt;pairs&gt;</title>" in (fresh / "cut_view.html").read_text()
+    run(f"view cut.msh {pairs} --check --title <pairs> -o cut_view.html -q")
+    assert "<title>&lt;pairs&gt;</title>" in Path("cut_view.html").read_text()
     drawn = plotter.call_args.kwargs
     assert drawn["slave"] == [a for a, _ in PAIRS] and drawn["master"] == [b for _, b in PAIRS]
     assert any("head on flange" in finding.message for finding in drawn["findings"])
 
 
 @pytest.mark.parametrize("command", ["check", "cut", "view"])
-def test_several_of_both_are_a_wrong_command(fresh, capsys, command):
+def test_several_of_both_are_a_wrong_command(run, command):
     lacmesh.write("bolted.msh", bolted())
-    groups = ["--slave", "head", "--slave", "base", "--master", "flange", "--master", "floor"]
-    more = {"check": [], "cut": ["-o", "cut.msh"], "view": ["--check", "-o", "page.html"]}[command]
-    both = ["--pair", "head:flange", "--master", "floor"]
+    more = {"check": "", "cut": "-o cut.msh", "view": "--check -o page.html"}[command]
+    pairs = f"lacmesh {command} bolted.msh --pair head:flange --pair base:floor"
     for words, told in (
-        (groups, f"lacmesh {command} bolted.msh --pair head:flange --pair base:floor"),
-        (both, "leave out --slave and --master"),
-        *([] if command == "view" else [([], "give --slave GROUP")]),
+        ("--slave head --slave base --master flange --master floor", pairs),
+        ("--pair head:flange --master floor", "leave out --slave and --master"),
+        *([] if command == "view" else [("", "give --slave GROUP")]),
     ):
-        assert main([command, "bolted.msh", *words, *more]) == 2
-        assert told in capsys.readouterr().err
-    assert not (fresh / "cut.msh").exists() and not (fresh / "page.html").exists()
+        assert told in run(f"{command} bolted.msh {words} {more}", 2)
+    assert [path.name for path in Path().iterdir()] == ["bolted.msh"]
 
 
 def test_the_page_lists_every_rule():

@@ -1,10 +1,7 @@
 """Nothing is said against healthy meshes, curved, closed, warped, cut off; of mangled ones whatever is wrong."""
 
-from __future__ import annotations
-
 import itertools
 import json
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +12,10 @@ from lacmesh import Mesh, cut_skin, generate, orient
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks import check
 from lacmesh.cutting.patterns import WHOLE_FACES
-from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
+from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.generate.parts import SEAM, sew
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
-from tests.meshes import random_mesh
+from tests.meshes import lenient, random_mesh
 from tests.samples import each_option, samples
 
 PLANE = [name for name in SOLIDS if CELLS[name].dim == 2]
@@ -232,8 +229,7 @@ def base(rng):
         return cut_blocks(list(SOLIDS)[rng.integers(len(SOLIDS))], ("pyramid", "hexa")[rng.integers(2)], n=1, m=2)
     mesh = random_mesh(rng, int(rng.integers(2, 4)), int(rng.integers(1, 4)), slaves=4, interior=bool(rng.integers(2)))
     if kind == 3:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
+        with lenient():
             mesh = cut_skin(mesh, "slave").mesh
     return mesh
 

@@ -1,10 +1,7 @@
 """Decks and jobs of our own, two bodies in contact with a little of all that decks hold; and CalculiX's answers."""
 
-from __future__ import annotations
-
 import re
 import subprocess
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,12 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lacmesh
-from lacmesh import LacmeshWarning
+from lacmesh import generate
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.elements import element
-from lacmesh.generate.parts import assembled
 from tests.lacsolver.deck_texts import Block
-from verification.meshes.blocks import block, joined, rows_of
+from tests.meshes import lenient
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
@@ -35,7 +31,8 @@ def pressed(name):
     nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["press"])]))
     groups = {g: cells for g, cells in mesh.cell_groups.items() if g != "press"}
     mesh = replace(mesh, cell_groups=groups, node_groups={**mesh.node_groups, "top": nodes})
-    return _mesh_text(mesh, name) + CARDS.format(
+    text = re.sub(r"TYPE=C\w+$", f"TYPE={name}", _written(mesh), flags=re.MULTILINE)
+    return text + CARDS.format(
         E=E,
         K=K,
         up=2 if plane else 3,
@@ -47,21 +44,12 @@ def pressed(name):
 
 def _faces_of(mesh, group):
     """Elements and face numbers of a skin group, by what *SURFACE says of it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        text = _written(replace(mesh, cell_groups={group: mesh.cell_groups[group]}))
+    text = _written(replace(mesh, cell_groups={group: mesh.cell_groups[group]}))
     return re.findall(r"^(\d+), S(\d)$", text, re.MULTILINE)
 
 
-def _mesh_text(mesh, name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        text = _written(mesh)
-    return re.sub(r"TYPE=C\w+$", f"TYPE={name}", text, flags=re.MULTILINE)
-
-
 def _written(mesh):
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, lenient():
         path = Path(folder, "a.inp")
         lacmesh.write(path, mesh)
         return path.read_text()
@@ -128,16 +116,9 @@ def two_blocks(kind):
 
     Their groups are those of `PRESSED`; other sides have no cells.
     """
-    dim = CELLS[kind].dim
-    up, low = "xyz"[dim - 1], np.array([1.0, 0.0]) if dim == 2 else np.zeros(3)
-    parts = []
-    for body, n, below, above in (("lower", 2, "base", "slave"), ("upper", 3, "master", "press")):
-        names = {"": body, f"{up}0": below, f"{up}1": above}
-        box = block(kind, n, low, low + 1)
-        rows = {(face, names[side]): nodes for (face, side), nodes in rows_of(box).items() if side in names}
-        parts.append((assembled(box.points, rows, dim), {}))
-        low[-1] += 1
-    mesh = joined(parts, keep=True)
+    make, corner = (generate.rectangle, (1, 0)) if CELLS[kind].dim == 2 else (generate.box, (0, 0, 0))
+    mesh = generate.stack(*(make(n, 1.0, kind, corner=corner) for n in (2, 3)), slave="lower")
+    mesh = mesh.renamed(bottom="base", top="press").only("lower", "base", "slave", "upper", "master", "press")
     return replace(mesh, node_groups={"all": np.arange(mesh.n_nodes)})
 
 

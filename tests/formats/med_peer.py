@@ -3,8 +3,6 @@
 It prints what it finds in MED files, as JSON.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,15 +1,9 @@
 """Random small meshes that use all a msh file can hold; meshes as plain values, by number, and as gmsh reads them."""
 
-from __future__ import annotations
-
-import warnings
-from contextlib import contextmanager
-
 import numpy as np
 from hypothesis import strategies as st
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
@@ -183,14 +177,6 @@ def same(a, b):
     """Differences between two meshes: keys of `plain`, and the order of the file."""
     first, second = plain(a), plain(b)
     return [key for key in first if first[key] != second[key]] + ([] if order(a) == order(b) else ["order"])
-
-
-@contextmanager
-def lenient():
-    """Let our own warnings pass; every other one stays an error."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        yield
 
 
 def seen_by(gmsh, path):

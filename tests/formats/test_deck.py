@@ -2,8 +2,6 @@
 
 Decks of parts and instances are carried as they stand, and written without parts once their mesh has changed."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import warnings
@@ -16,7 +14,6 @@ import pytest
 import lacmesh
 from lacmesh import LacmeshWarning, cut_skin, raise_order, split
 from lacmesh.cells import CELLS
-from lacmesh.cli import main
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, WriteError
 from lacmesh.formats import inp
@@ -26,7 +23,7 @@ from tests.formats.decks import LOWER, NODE, UPPER, E, K, P, on_springs, pressed
 from tests.formats.decks import solved as run_calculix
 from tests.formats.feature_cases import told
 from tests.formats.texts import MESH, MODEL, PARTS, STEP
-from tests.meshes import cell_with_faces
+from tests.meshes import cell_with_faces, lenient
 from tests.samples import each_option
 
 
@@ -154,8 +151,7 @@ def test_copies_of_nodes_need_a_set(tmp_path):
     text = two_bricks("*BOUNDARY\n{node}, 1\n")
     for node, refused in ((5, True), (1, False)):
         mesh = read_text(tmp_path, text.format(node=node))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
+        with lenient():
             opened = split(mesh, "slave")
         assert opened.n_nodes > mesh.n_nodes
         if refused:
@@ -282,21 +278,18 @@ def test_elements_keep_their_names():
         assert str(variant(old, cell, "calculix")) == new, row
 
 
-@pytest.mark.parametrize("option", [["--lenient"], ["--plane", "CPE"], ["--all-cells"]])
-def test_commands_and_their_options(option, tmp_path, capsys):
-    (tmp_path / "a.inp").write_text(MESH + MODEL)
-    convert = ["convert", str(tmp_path / "a.inp")]
-    assert main([*convert, str(tmp_path / "a.msh"), *option]) == 2
-    assert f"{option[0]} is for an .inp output" in capsys.readouterr().err
-    assert main(["orient", str(tmp_path / "a.inp"), "--group", "slave", "-o", str(tmp_path / "b.inp"), "-q"]) == 0
-    assert others((tmp_path / "b.inp").read_text()) == others(MESH + MODEL)
-    assert main([*convert, str(tmp_path / "c.inp"), "--mesh-only", "-q"]) == 0
-    assert "MATERIAL" not in (tmp_path / "c.inp").read_text()
+@pytest.mark.parametrize("option", ["--lenient", "--plane CPE", "--all-cells"])
+def test_commands_and_their_options(option, run):
+    Path("a.inp").write_text(MESH + MODEL)
+    assert f"{option.split()[0]} is for an .inp output" in run(f"convert a.inp a.msh {option}", 2)
+    run("orient a.inp --group slave -o b.inp -q")
+    assert others(Path("b.inp").read_text()) == others(MESH + MODEL)
+    run("convert a.inp c.inp --mesh-only -q")
+    assert "MATERIAL" not in Path("c.inp").read_text()
 
 
 def quiet_read(folder, text, name="a.inp"):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
+    with lenient():
         return read_text(folder, text, name)
 
 
@@ -351,8 +344,7 @@ def test_records_of_the_cut_are_in_comments_of_the_deck(tmp_path):
     for name, text in (("parts", two()), ("cards", LOWER.text() + replace(UPPER, first=100).text() + SURFACES)):
         cut = cut_skin(quiet_read(tmp_path, text), "Upper", hexa="hexa")
         flat(tmp_path, cut.mesh, name=f"{name}.inp")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
+        with lenient():
             back = Cut(lacmesh.read(tmp_path / f"{name}.inp"))
         assert not np.array_equal(back.mesh.points, cut.mesh.points)
         assert told(cut) == told(back) and back.n_macros == 9
@@ -430,21 +422,12 @@ def results(folder, *names):
     return [tables(run_calculix(folder / f"{name}.inp", shutil.which("ccx"))) for name in names]
 
 
-def convert(source, target, *command):
-    """Run a command of lacmesh on a deck."""
-    assert main([*(command or ("convert",)), str(source), *(("-o",) if command else ()), str(target), "-q"]) == 0
-
-
-def cut_slave(source, target, slave="slave"):
-    convert(source, target, "cut", "--slave", slave, "--hexa", "hexa")
-
-
 @pytest.mark.parametrize("name", OWN)
-def test_our_decks_have_the_same_answers_and_a_cut_slave_passes_the_load(name, tmp_path):
+def test_our_decks_have_the_same_answers_and_a_cut_slave_passes_the_load(name, tmp_path, run):
     """Two columns under a pressure: the reaction, the shortening and the stress are those of the uniform state."""
-    (tmp_path / "a.inp").write_text(pressed(name))
-    convert(tmp_path / "a.inp", tmp_path / "b.inp")
-    cut_slave(tmp_path / "a.inp", tmp_path / "c.inp")
+    Path("a.inp").write_text(pressed(name))
+    run("convert a.inp b.inp -q")
+    run("cut a.inp --slave slave --hexa hexa -o c.inp -q")
     before, after, ((_, force), (_, u), (_, stress)) = results(tmp_path, "a", "b", "c")
     assert len(before) == len(after) == 3
     for (what, old), (_, new) in zip(before, after, strict=True):
@@ -461,15 +444,14 @@ def test_our_decks_have_the_same_answers_and_a_cut_slave_passes_the_load(name, t
     assert np.allclose(stress[:, 1 + up], -P, rtol=rel)
 
 
-def test_calculix_runs_decks_of_parts(tmp_path, monkeypatch):
+def test_calculix_runs_decks_of_parts(tmp_path, run):
     """Cut: the force, and the shortening under 20 over two lengths of 1 and a contact of 1e5; or for CalculiX."""
-    monkeypatch.chdir(tmp_path)
     mesh = quiet_read(tmp_path, two().replace(", 1, 0.5", ", 1, 0."))
     flat(tmp_path, cut_skin(mesh, "Upper", hexa="hexa").mesh)
     Path("c.inp").write_text(two())
-    convert("c.inp", "same.inp")
+    run("convert c.inp same.inp -q")
     assert Path("same.inp").read_text() == two()
-    assert main(["convert", "c.inp", "d.inp", "--for", "calculix", "-q"]) == 0
+    run("convert c.inp d.inp --for calculix -q")
     ((_, force), (_, u)), ((_, other), (_, top)) = results(tmp_path, "b", "d")
     assert force[-1][2] == pytest.approx(20.0, rel=1e-6)
     assert np.allclose(u[:, 3], -20 * (2 / 1000 + 1 / 1e5), rtol=1e-6)

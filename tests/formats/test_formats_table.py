@@ -4,8 +4,6 @@ Damaged files of every format: an error in one sentence, or a sound mesh. What i
 `tests/bad_input`; files that are damaged at random are in `tests/fuzz`.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import re
@@ -26,7 +24,6 @@ from lacmesh.formats.mail import NODES
 from lacmesh.formats.registry import FORMATS, OF_NAME
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats import feature_cases as cases
-from tests.formats import test_xml, texts
 from tests.formats.feature_cases import BY_TYPE, KEPT, LOST, OF_MESHIO, OURS, REFUSED, TABLE
 from tests.samples import samples
 
@@ -216,34 +213,6 @@ def test_a_file_that_is_not_there_is_an_error_of_ours(form, tmp_path):
         form.read(tmp_path / f"none{form.suffixes[0]}")
     with pytest.raises(WriteError, match="does not exist"):
         write(tmp_path / "nowhere" / f"a{form.suffixes[0]}", cases.bare())
-
-
-def damaged_texts():
-    """(suffix, what is wrong, text, what is said, where) of small files that are damaged in one place."""
-    for suffix in ("inp", "mail"):
-        for what, (text, line, words) in texts.WRONG[suffix].items():
-            yield suffix, what, text, re.escape(words), f"line {line}$"
-    for old, new, words in texts.WRONG["msh"]["changes"]:
-        assert texts.ASCII4.count(old) == 1
-        yield "msh", f"{old!r} -> {new!r}", texts.ASCII4.replace(old, new), re.escape(words), "line |byte "
-    for what, (text, words) in test_xml.WRONG_VTU.items():
-        yield "vtu", what, text, words, ""
-    for what, (body, words) in test_xml.WRONG_XDMF.items():
-        yield "xdmf", what, test_xml.document(body), words, ""
-
-
-@pytest.mark.parametrize(
-    ("suffix", "text", "says", "where"),
-    [pytest.param(suffix, *rest, id=f"{suffix}: {what}") for suffix, what, *rest in damaged_texts()],
-)
-def test_damage_is_one_sentence_with_its_place(suffix, text, says, where, tmp_path):
-    """Small files; many more are in `tests/bad_input`."""
-    path = tmp_path / f"bad.{suffix}"
-    path.write_text(text)
-    with pytest.raises(ReadError, match=says) as caught:
-        lacmesh.read(path)
-    assert re.match(where, caught.value.place or "")
-    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
 HERE = Path(__file__).parent

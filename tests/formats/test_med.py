@@ -1,10 +1,7 @@
 """MED: what we write and read again is the same; medcoupling and gmsh see the same; what is left out is said."""
 
-from __future__ import annotations
-
 import json
 import re
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +15,11 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
 from lacmesh.mesh import Mesh, Step
+from tests.bad_input.format_cases import STEP, put
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
 from tests.formats.msh_meshes import plain
+from tests.meshes import lenient
 from tests.samples import samples
 
 HERE = Path(__file__).parents[1]
@@ -36,7 +35,6 @@ ORDERS |= {
     kind: (name, list(range(n))) for kind, name, n in (("POI1", "PO1", 1), ("SEG2", "SE2", 2), ("SEG3", "SE3", 3))
 }
 ORDERS |= {"SEG4": ("SE4", [0, 1, 2, 3])}
-STEP = f"{-1:020d}{-1:020d}"
 
 
 def home_of(file, mesh="mesh"):
@@ -322,21 +320,11 @@ def test_med_2_3_as_libmed_reads_it(tmp_path):
 def edited(tmp_path, mesh, change):
     """The mesh as a file, changed by `change(file, group of the step)`."""
     path = tmp_path / "edited.med"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
+    with lenient():
         med.write(path, mesh)
     with h5py.File(path, "r+") as file:
         change(file, home_of(file))
     return path
-
-
-def put(group, name, values, **attributes):
-    kept = dict(group[name].attrs) if name in group else {}
-    if name in group:
-        del group[name]
-    group[name] = values
-    for key, value in (kept | attributes).items():
-        group[name].attrs[key] = value
 
 
 def test_several_meshes(tmp_path, cube):

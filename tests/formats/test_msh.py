@@ -1,7 +1,5 @@
 """msh: what is written is read back, gmsh and we see the same; the table of entities, split where groups differ."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np
@@ -13,20 +11,10 @@ from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
-from tests.formats.msh_meshes import (
-    as_seen,
-    by_place,
-    decided,
-    entities,
-    lenient,
-    meshes,
-    places,
-    plain,
-    seen_by,
-    two_boxes,
-)
+from tests.formats.msh_meshes import as_seen, by_place, decided, entities, meshes, places, plain, seen_by, two_boxes
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.texts import ASCII4, OLD, swapped
+from tests.meshes import lenient
 from tests.samples import samples
 
 KINDS = [("4.1", True), ("4.1", False), ("2.2", True), ("2.2", False)]

@@ -1,7 +1,5 @@
 """The note of a file: fields of a mesh, and the records of a cut, which come back with their own mesh and no other."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Small files as text: those in `files`, which use much of the grammar, decks in pieces, and files that are wrong."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

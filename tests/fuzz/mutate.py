@@ -3,8 +3,6 @@
 HDF5 also through its own library: links, datasets and attributes lost, of another kind, shape or size.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from contextlib import suppress

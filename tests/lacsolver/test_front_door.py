@@ -22,7 +22,7 @@ from lacsolver.results.figures import step_figures
 from lacsolver.validation import Validation
 from tests.lacsolver.patch_meshes import stack
 from tests.problems import contact, fix, move
-from tests.properties import volumes
+from verification.measures.cutting import sizes
 
 CASE, MESH, DISC = "data/two_blocks.toml", "data/two_blocks.msh", "data/disc_on_block.msh"
 
@@ -298,7 +298,7 @@ def test_assemble_says_where_no_list_of_fixed_unknowns_exists(mesh):
         _ = system.M
     heavy = ls.assemble(case_of(material=[ls.Material(young=1.0, poisson=0.0, density=2.0)]), mesh)
     along_x = np.tile([1.0, 0, 0], heavy.mesh.n_nodes)
-    volume = volumes(heavy.mesh)[heavy.mesh.cell_dim == 3].sum()
+    volume = sizes(heavy.mesh)[heavy.mesh.cell_dim == 3].sum()
     assert np.isclose(along_x @ heavy.M @ along_x, 2 * volume, rtol=1e-12)
 
 

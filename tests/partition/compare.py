@@ -1,7 +1,5 @@
 """Comparison of two parts, field by field."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Skins that lie on a known surface: sheets of faces rolled onto it, blocks bent with it, and the surface itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

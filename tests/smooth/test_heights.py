@@ -1,7 +1,5 @@
 """Heights against the surface itself: their rates, their continuity, on cut meshes, at creases and rims."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import product

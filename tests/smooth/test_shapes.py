@@ -1,7 +1,5 @@
 """Shapes of skins: exact ones on nodes that lie on them and nowhere else, of few faces too; what the commands say."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace
@@ -10,12 +8,12 @@ import numpy as np
 import pytest
 
 from lacmesh import FittedShape, Mesh, check, cut_skin, fit_surface, write
-from lacmesh.cli import main
 from lacmesh.gmsh import to_mesh
 from lacmesh.smooth import height_of
 from lacmesh.surface.normals import smoothed
 from tests.checks.blocks import two_blocks
 from tests.coarse_rings import rings
+from tests.meshes import renumbered
 from tests.samples import each_option
 from tests.smooth import skins
 from tests.smooth.skins import ANGLE, KINDS, block, chain, cone, cylinder, heights, plane, rolled, sphere, torus
@@ -60,16 +58,12 @@ def test_a_skin_on_an_exact_shape_is_that_shape(surface, kind, n):
         np.testing.assert_allclose(one.centre[:2], 0, atol=1e-12)
 
 
-def renumbered(mesh):
+def listed_otherwise(mesh):
     """The mesh with its nodes and cells in another order, and cells that start at another corner."""
     rng = np.random.default_rng(3)
-    place = rng.permutation(mesh.n_nodes)
-    blocks = []
-    for name, nodes in mesh.blocks:
-        rows = place[nodes[rng.permutation(len(nodes))]]
-        columns = np.arange(nodes.shape[1]) + rng.integers(nodes.shape[1], size=len(rows))[:, None]
-        blocks.append((name, np.take_along_axis(rows, columns % nodes.shape[1], axis=1)))
-    return Mesh.create(mesh.points[np.argsort(place)], blocks, cell_groups=dict(mesh.cell_groups), space_dim=3)
+    other, _ = renumbered(mesh, rng)
+    blocks = [(name, [np.roll(row, rng.integers(len(row))) for row in nodes]) for name, nodes in other.blocks]
+    return Mesh.create(other.points, blocks, cell_groups=other.cell_groups, space_dim=3)
 
 
 ROTATION = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -79,7 +73,7 @@ CHANGES = {
     "large": (lambda mesh: replace(mesh, points=1e6 * mesh.points), 1e6),
     "place": (lambda mesh: replace(mesh, points=mesh.points + np.array([3e3, -2e3, 1e3])), 1.0),
     "turned": (lambda mesh: replace(mesh, points=mesh.points @ ROTATION.T), 1.0),
-    "numbers": (renumbered, 1.0),
+    "numbers": (listed_otherwise, 1.0),
 }
 
 
@@ -344,26 +338,19 @@ def test_few_nodes_are_no_shape_and_fewer_have_no_fit(points, lacks):
 @pytest.mark.rows("4.0-False")
 @pytest.mark.gmsh
 @pytest.mark.parametrize(("size", "quads"), [(4.0, False), (2.0, False), (2.0, True)])
-def test_a_bore_its_fillet_and_the_planes_beside_it(size, quads):
+def test_a_bore_its_fillet_and_the_planes_beside_it(size, quads, gmsh):
     """A plate of 40 x 40 x 10 whose bore goes by a tangential fillet into the plane on top: one patch, three shapes."""
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        occ = gmsh.model.occ
-        body, _ = occ.cut([(3, occ.addBox(-20, -20, 0, 40, 40, 10))], [(3, occ.addCylinder(0, 0, -1, 0, 0, 12, 8))])
-        occ.synchronize()
-        boxes = {tag: gmsh.model.getBoundingBox(1, tag) for _, tag in gmsh.model.getEntities(1)}
-        edge = [tag for tag, box in boxes.items() if abs(box[3] - 8) < 0.1 and box[2] > 9]
-        occ.fillet([body[0][1]], edge, [3.0])
-        occ.synchronize()
-        for name, value in (("MeshSizeMin", size), ("MeshSizeMax", size), ("RecombineAll", int(quads))):
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-        gmsh.model.mesh.generate(2)
-        mesh = to_mesh()
-    finally:
-        gmsh.finalize()
+    occ = gmsh.model.occ
+    body, _ = occ.cut([(3, occ.addBox(-20, -20, 0, 40, 40, 10))], [(3, occ.addCylinder(0, 0, -1, 0, 0, 12, 8))])
+    occ.synchronize()
+    boxes = {tag: gmsh.model.getBoundingBox(1, tag) for _, tag in gmsh.model.getEntities(1)}
+    edge = [tag for tag, box in boxes.items() if abs(box[3] - 8) < 0.1 and box[2] > 9]
+    occ.fillet([body[0][1]], edge, [3.0])
+    occ.synchronize()
+    for name, value in (("MeshSizeMin", size), ("MeshSizeMax", size), ("RecombineAll", int(quads))):
+        gmsh.option.setNumber(f"Mesh.{name}", value)
+    gmsh.model.mesh.generate(2)
+    mesh = to_mesh()
     found = fit_surface(replace(mesh, cell_groups={"skin": np.flatnonzero(mesh.cell_dim == 2)}), "skin")
     kinds = [one.shape for one in found]
     assert kinds.count("plane") == 6 and kinds.count("cylinder") == 1 and "free form" not in kinds
@@ -388,33 +375,25 @@ def test_figures_in_words(shape, figures, says):
     assert str(FittedShape(shape, np.arange(4), 98, **figures)).startswith(f"{shape}, {says}")
 
 
-def test_info_and_check_say_shapes(fresh, capsys):
+def test_info_and_check_say_shapes(run):
     write("shell.msh", cut_skin(block("HEXA8"), "skin").mesh)
-    said = {}
-    for words in ("info", "info -v", "info -v --json", "check --slave skin", "check --json --slave skin"):
-        command, *options = words.split()
-        assert main([command, "shell.msh", *options]) == 0
-        said[words] = capsys.readouterr().out
-    assert "sphere" not in said["info"] and "shape of skin" in said["check --slave skin"]
-    (line,) = [line for line in said["info -v"].splitlines() if line.startswith("skin:")]
+    assert "sphere" not in run("info shell.msh") and "shape of skin" in run("check shell.msh --slave skin")
+    (line,) = [line for line in run("info -v shell.msh").splitlines() if line.startswith("skin:")]
     assert line.startswith("skin: sphere, radius 1.4, 25 nodes within ")
-    (one,) = json.loads(said["info -v --json"])["shapes"]["skin"]
+    (one,) = json.loads(run("info -v --json shell.msh"))["shapes"]["skin"]
     assert (one["shape"], one["faces"], one["nodes"]) == ("sphere", 64, 25) and one["tube"] is None
     assert one["radius"] == pytest.approx(1.4, rel=1e-12) and one["text"].startswith("sphere, radius 1.4")
-    (checked,) = json.loads(said["check --json --slave skin"])["summary"]["shapes"]["skin"]
-    assert checked == one
+    assert json.loads(run("check --json shell.msh --slave skin"))["summary"]["shapes"]["skin"] == [one]
 
 
-def test_few_faces_that_are_taken_as_round_are_told(fresh, capsys):
+def test_few_faces_that_are_taken_as_round_are_told(run):
     pin = {"kind": "QUAD4", "n": 8, "radii": (0.5, 1), "names": ("pin", "bore", "out")}
     hole = {"kind": "QUAD4", "n": 12, "radii": (1, 2), "names": ("hole", "in", "rim")}
     write("pin.msh", cut_skin(rings(pin, hole, dim=2), "out").mesh)
-    assert main(["info", "pin.msh", "--verbose"]) == 0
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("out:")]
+    (line,) = [line for line in run("info pin.msh --verbose").splitlines() if line.startswith("out:")]
     assert "circle, radius 1, 8 nodes" in line and "up to 45 degrees" in line
-    for given in ([], ["--crease-angle", "40"], ["--surface", "faces"]):
-        assert main(["check", "pin.msh", "--slave", "out", "--master", "in", "--json", *given]) == 0
-        found = json.loads(capsys.readouterr().out)
+    for given in ("", "--crease-angle 40", "--surface faces"):
+        found = json.loads(run(f"check pin.msh --slave out --master in --json {given}"))
         told = [one["message"] for one in found["findings"] if one["rule"] == "few-faces"]
         assert len(told) == (not given) and (abs(found["summary"]["gap"]["mean"]) < 1e-3 if told else not told)
         if told:

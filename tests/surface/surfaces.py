@@ -1,7 +1,5 @@
 """Surfaces that the tests of contact geometry face with one another, and integrals over them done the plain way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

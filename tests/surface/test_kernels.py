@@ -1,7 +1,5 @@
 """Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
 
-from __future__ import annotations
-
 import itertools
 import time
 
@@ -13,27 +11,14 @@ from hypothesis import strategies as st
 from lacmesh import Mesh, join
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.reference.quadrature import rule
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
 from lacmesh.surface.fit import correct
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, in_quadrangle, kinds, quadrangle
 from lacmesh.surface.patches import candidates, patches
-from lacmesh.surface.place import DEGREE, FAN3, fan_rules, plane_rule
 from lacmesh.surface.points import face_measure, reaches
-from lacmesh.surface.polygon import (
-    CHORD,
-    MASTER,
-    ROOM,
-    area_of,
-    centroid,
-    cut_by_line,
-    cut_by_polygon,
-    make_room,
-    nearest_only,
-    outside,
-)
+from lacmesh.surface.polygon import ROOM, make_room, nearest_only
 from lacmesh.surface.record import mean_normals
 from tests.meshes import cell_with_faces
 from tests.samples import samples
@@ -118,38 +103,6 @@ def convex(rng, n=None):
     return room, n
 
 
-def monomial_integral(p, a, b):
-    """int x^a y^b over a polygon, by a high rule on its fan."""
-    X, w = rule("TRIA", 12)
-    total = 0.0
-    for k in range(1, len(p) - 1):
-        T = np.stack([p[k] - p[0], p[k + 1] - p[0]])
-        x = p[0] + X @ T
-        total += np.linalg.det(T) * (w @ (x[:, 0] ** a * x[:, 1] ** b))
-    return total
-
-
-@pytest.mark.parametrize("seed", range(50))
-def test_areas_centroids_and_clips_are_those_of_the_plain_twins(seed):
-    rng = np.random.default_rng(seed)
-    (p, n), (q, m) = convex(rng), convex(rng)
-    assert np.isclose(area_of(p, n), area(p[:n]), rtol=1e-12, atol=0)
-    mean = [monomial_integral(p[:n], *k) / area(p[:n]) for k in ((1, 0), (0, 1))]
-    assert np.allclose(centroid(p, n), mean, atol=1e-12)
-    shared = area(inside(list(p[:n]), q[:m]))
-    room, label = p.copy(), np.zeros(ROOM, np.int8)
-    found = cut_by_polygon(room, label, n, q, m, MASTER, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8))
-    assert np.isclose(area_of(room, found) if found else 0.0, shared, atol=1e-13)
-    if outside(p, n, q, m) or outside(q, m, p, n):
-        assert shared < 1e-14
-    half = np.zeros((ROOM, 2))
-    areas = []
-    for side in (1, -1):
-        k = cut_by_line(p, label, n, *q[0], *q[1], CHORD, side, half, np.zeros(ROOM, np.int8))
-        areas.append(area_of(half, k) if k > 2 else 0.0)
-    assert np.isclose(sum(areas), area(p[:n]), rtol=1e-12, atol=0)
-
-
 @pytest.mark.fuzz
 def test_layers_keep_the_nearest_and_the_union():
     rng = np.random.default_rng(3)
@@ -175,25 +128,6 @@ def _holds(p, X):
     """(n,): whether a polygon (m, 2) holds points (n, 2)."""
     q, x, y = np.roll(p, -1, axis=0), X[:, 0, None], X[:, 1, None]
     return ((q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) > 0).all(axis=1)
-
-
-@pytest.mark.rows("0", "1", "2")
-@pytest.mark.parametrize("code", range(len(DEGREE)))
-def test_rules_on_polygons_are_exact_to_their_degree(code):
-    rng = np.random.default_rng(code)
-    for _ in range(20):
-        p, n = convex(rng)
-        X, w = np.empty((300, 2)), np.empty(300)
-        m = plane_rule(p, n, code, fan_rules(), X, w)
-        size = np.abs(X[:m]).max()
-        for a in range(DEGREE[code] + 1):
-            for b in range(DEGREE[code] + 1 - a):
-                found = w[:m] @ (X[:m, 0] ** a * X[:m, 1] ** b)
-                scale = area(p[:n]) * size ** (a + b)
-                assert abs(found - monomial_integral(p[:n], a, b)) < 1e-12 * scale
-    if code >= FAN3:
-        rows = slice(*fan_rules().start[code : code + 2])
-        assert np.isclose(fan_rules().w[rows].sum(), 1)
 
 
 def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
