@@ -102,18 +102,13 @@ def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, dept
     return _cone(cell, facet, X) if kind == CONE else _ring(cell, facet, X, depth)
 
 
-def _corners(cell: Cell, facet: int) -> Nodes:
-    kind = CELLS[cell.facets[facet].type]
-    return cell.facets[facet].nodes[: kind.n_corners]
-
-
 def _on_facet(cell: Cell, facet: int, X: NDArray, corners: Nodes | None = None) -> NDArray:
     """Map points X from a facet's reference element to the cell's.
 
     `corners`: those of another facet, listed to match this one's, to which the points are mapped instead.
     """
     flat = CELLS[cell.facets[facet].type].linear
-    return shape(flat, X) @ np.array([cell.reference[c] for c in corners or _corners(cell, facet)])
+    return shape(flat, X) @ np.array([cell.reference[c] for c in corners or cell.facets[facet].corners])
 
 
 def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
@@ -122,7 +117,7 @@ def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
     apex = cell.n_corners
     children = []
     for other in _other_facets(cell, facet):
-        side = _corners(cell, other)
+        side = cell.facets[other].corners
         # outward for the parent is outward for the child: base against the apex
         children.append((*side, apex) if cell.dim == 2 else (side[0], *side[:0:-1], apex))
     return _template(cell, children, points, on_face)
@@ -130,7 +125,7 @@ def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
 
 def _other_facets(cell: Cell, facet: int) -> list[int]:
     """The other facets, in the order of the children."""
-    corners = _corners(cell, facet)
+    corners = cell.facets[facet].corners
     n = len(cell.facets)
     if cell.dim == 2:
         return [(facet - k) % n for k in range(1, n)]
@@ -138,13 +133,13 @@ def _other_facets(cell: Cell, facet: int) -> list[int]:
     edges = [{corners[k], corners[(k + 1) % len(corners)]} for k in range(len(corners))]
     at_edge = {}  # edge of the face, or FAR -> the facet there
     for j in (j for j in range(n) if j != facet):
-        shared = set(_corners(cell, j)) & set(corners)
+        shared = set(cell.facets[j].corners) & set(corners)
         at_edge[edges.index(shared) if len(shared) == 2 else FAR] = j
     return [at_edge[k] for k in order]
 
 
 def _ring(cell: Cell, facet: int, X: NDArray, depth: float) -> Template:
-    f = _corners(cell, facet)
+    f = cell.facets[facet].corners
     behind = {c: b for e in cell.edges for c, b in (e, e[::-1]) if c in f and b not in f}
     g = tuple(behind[c] for c in f)
     n, first = len(f), cell.n_corners

@@ -199,7 +199,7 @@ def corners_of(name: str) -> Corners:
     way = {ends: 2 * k + s for k, edge in enumerate(cell.edges) for s, ends in enumerate((edge, edge[::-1]))}
     circles = [tuple(range(cell.n_corners))]
     if cell.dim == 3:
-        circles = [f.nodes[: CELLS[CELLS[f.type].linear].n_corners] for f in cell.facets]
+        circles = [facet.corners for facet in cell.facets]
     planes = [(way[t[k], t[k - 1]], way[t[k], t[(k + 1) % len(t)]]) for t in circles for k in range(len(t))]
     at_end: dict[int, list[int]] = defaultdict(list)
     for k, pair in enumerate(planes):
