@@ -31,8 +31,7 @@ def compile_listed(name: str) -> None:
 
     Raises TypeError for a part of it that borrows arrays and returns one.
     """
-    import numba
-
+    numba: Any = import_module("numba")
     module, _, function = name.rpartition(".")
     kernel: Kernel = getattr(import_module(module), function)
     for arguments in listed()[name]:

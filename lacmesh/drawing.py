@@ -23,10 +23,10 @@ from lacmesh.grids import (
     Groups,
     Vector,
     bodies_of,
-    edges_between,
     grid_of,
     kept_cells,
     outer_faces,
+    outlines,
     painted,
     skin_cells,
     unit,
@@ -267,19 +267,12 @@ class Drawing:
 
     def _edges(self, grid: Any, group: Any, colour: str, width: float) -> None:
         """Add the edges of a grid's faces between groups (n,) and at the end of all, thinner where cells are small."""
-        ends = edges_between(grid, np.asarray(group))
-        if not len(ends):
+        if not grid.n_cells:
             return
-        x, straight = grid.points, ends[:, 2] < 0
-        length = float(np.median(np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)))
-        thin = min(1.0, length / (0.03 * self.span))
+        thin = min(1.0, float(np.sqrt(grid.area / grid.n_cells)) / (0.03 * self.span))
         if thin < 0.25 and width < 5:
             return  # they would only darken the faces
-        cells = np.append(np.insert(ends[straight, :2], 0, 2, axis=1), np.insert(ends[~straight], 0, 3, axis=1))
-        types = np.repeat([3, 21], [np.count_nonzero(straight), np.count_nonzero(~straight)])
-        lines = import_module("pyvista").UnstructuredGrid(cells, types.astype(np.uint8), x)
-        lines = lines.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
-        self._lines(lines, colour, width * max(thin, 0.4))
+        self._lines(outlines(grid, np.asarray(group), self.level), colour, width * max(thin, 0.4))
 
     def _lines(self, lines: Any, colour: str, width: float) -> None:
         """Add lines of a width in thousandths of the picture's height, before the faces that they lie on."""

@@ -24,6 +24,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, ClassVar, overload
@@ -100,7 +101,7 @@ class Kernel:
 
     def _jit(self, folder: Path | None = None, **options: Any) -> Any:
         """Return numba's form of the function, which calls those of other kernels; `folder`: where it is cached."""
-        import numba  # slow
+        numba: Any = import_module("numba")  # slow
 
         names = dict(self.function.__globals__)
         names |= {name: value.inner for name, value in _named(self.function) if isinstance(value, Kernel)}
@@ -167,7 +168,7 @@ def kernel(function: Any = None, *, least: int = 0, costly: int = 1, borrows: bo
     that make no arrays and return none: the references to arrays that they take, in tuples too, are not counted, which
     takes longer than the work on one point (numba's option `_nrt`, which is not in its manual).
     """
-    options = {"least": least, "costly": costly, "borrows": borrows}
+    options: dict[str, Any] = {"least": least, "costly": costly, "borrows": borrows}
     return functools.partial(Kernel, **options) if function is None else Kernel(function)
 
 
