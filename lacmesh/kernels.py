@@ -16,8 +16,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import json
 import logging
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -38,6 +40,8 @@ CACHED_FROM, COMPILED_FROM = 300, 100_000
 WORTH_CACHING = 500_000
 #: numbers that a kernel whose other form takes arrays at once does as it stands in the time of one in a loop
 IN_ARRAYS = 10
+#: the kernels that `lacmesh compile` compiles, and the types of their arguments
+SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
 #: of all that numba compiles
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -193,6 +197,51 @@ def writable(folder: Path) -> bool:
         tempfile.TemporaryFile(dir=folder).close()
         return True
     return False
+
+
+# ---- kernels that are compiled before they are called
+
+
+def listed() -> dict[str, list[Any]]:
+    """Return the listed kernels by module and name, with the forms of their arguments; what takes longest is first.
+
+    Forms are `int`, `float`, `bool`; arrays as `float64[2,C]` (dimensions, layout C, F or A, and `fixed` if it is
+    read-only); tuples as lists, named tuples as {class: fields}. `tools/record_kernels.py` makes the list.
+    """
+    return json.loads(SIGNATURES.read_text())
+
+
+def compile_listed(name: str) -> None:
+    """Compile a listed kernel for all its forms of arguments, or load it from the disk.
+
+    Raises TypeError for a part of it that borrows arrays and returns one.
+    """
+    numba: Any = import_module("numba")
+    module, _, function = name.rpartition(".")
+    kernel: Kernel = getattr(import_module(module), function)
+    for arguments in listed()[name]:
+        kernel.compile().compile(tuple(numba.typeof(_example(text)) for text in arguments))
+    kernel.check_parts()
+
+
+def _example(text: Any) -> Any:
+    """Return a value of a type that is written as text."""
+    if isinstance(text, list):
+        return tuple(map(_example, text))
+    if isinstance(text, dict):
+        ((path, fields),) = text.items()
+        module, _, name = path.rpartition(".")
+        return getattr(import_module(module), name)(*map(_example, fields))
+    if array := re.fullmatch(r"(\w+)\[(\d),([CFA])(,fixed)?\]", text):
+        dtype, ndim, layout, fixed = array.groups()
+        value = np.zeros((2,) * int(ndim), dtype, order="F" if layout == "F" else "C")
+        value = np.repeat(value, 2, axis=-1)[..., ::2] if layout == "A" else value
+        value.flags.writeable = not fixed
+        return value
+    return {"int": 0, "float": 0.0, "bool": False}[text] if text in ("int", "float", "bool") else np.dtype(text).type(0)
+
+
+# ---- what a kernel is made of
 
 
 def _codes(function: Any) -> list[CodeType]:

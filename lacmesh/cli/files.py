@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Callable, Mapping
@@ -215,17 +214,16 @@ def compile_(*, run: Run) -> None:
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    from lacmesh.compiled_kernels import compile_listed, listed
     from lacmesh.errors import WriteError
-    from lacmesh.kernels import cache_folder, writable
+    from lacmesh.kernels import cache_folder, compile_listed, listed, writable
+    from lacmesh.threads import available_cores
 
     start, names, folder = time.perf_counter(), list(listed()), cache_folder()
     if not writable(folder):
         raise WriteError(folder, "cannot be written; name another folder by NUMBA_CACHE_DIR")
-    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 4)
     # the terminal sends an interrupt to all processes: workers leave it to this one, which ends them
     ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, ignore) as pool:
+    with ProcessPoolExecutor(min(available_cores(), 4), get_context("spawn"), signal.signal, ignore) as pool:
         try:
             for count, done in enumerate(as_completed([pool.submit(compile_listed, name) for name in names]), 1):
                 done.result()

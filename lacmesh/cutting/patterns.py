@@ -168,7 +168,15 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     own = [tuple(p) for p in cell.reference]
     # a face's own pattern has all its new points on it
     of_face = points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face]
-    listed = [_child(cell, [points[c] for c in corners]) for corners in children]
+    listed: list[tuple[str, list[Point]]] = []  # type of each child, of the order of its parent, and its nodes' places
+    for corners in ([points[c] for c in child] for child in children):
+        kind = _LINEAR[cell.dim, len(corners)]
+        if cell.order == 1:
+            listed.append((kind, corners))
+        else:
+            kind = _quadratic(cell, CELLS[kind].family, corners)
+            on_corners = ([corners[c] for c in on] for on in CELLS[kind].corners_of_node)
+            listed.append((kind, [tuple(np.mean(some, axis=0)) for some in on_corners]))
     every = [*own, *of_face, *(p for _, places in listed for p in places)]
     keys = [tuple(round(x, 9) + 0.0 for x in p) for p in every]
     frame = {key: k for k, key in enumerate(dict.fromkeys(keys))}
@@ -184,16 +192,6 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     new = np.array([every[k] for k in first[len(own) :]], float).reshape(-1, cell.dim)
     split = len(new) if on_face is None else len(on_face)
     return Template(blocks, new[:split], new[split:])
-
-
-def _child(cell: Cell, corners: list[Point]) -> tuple[str, list[Point]]:
-    """Type of a child, of the order of its parent, and the positions of all its nodes."""
-    linear = _LINEAR[cell.dim, len(corners)]
-    if cell.order == 1:
-        return linear, corners
-    kind = _quadratic(cell, CELLS[linear].family, corners)
-    middle = [tuple(np.mean([corners[c] for c in on], axis=0)) for on in CELLS[kind].corners_of_node]
-    return kind, middle
 
 
 #: (dimension, corners) -> linear type

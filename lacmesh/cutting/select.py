@@ -155,7 +155,8 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
     if orient == "outward":
         mesh, faces = flip_outward(mesh, cells, faces, first, parents)
-    skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes).by_cell()
+    skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes)
+    skin = skin.take(np.argsort(skin.cell, kind="stable"))
     if not skin.same.all():
         odd = skin.cell[~skin.same]
         why = "lie on slave faces with other nodes (linear on quadratic?); remove them"

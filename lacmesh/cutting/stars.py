@@ -123,9 +123,7 @@ def _by_place(x: Floats) -> Ints:
 def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     """Return the graph of the faces. An edge is a rim with one face or more than two, between zones, at a crease."""
     uses = edge_uses(faces)
-    order = np.argsort(uses.edge, kind="stable")
-    two = np.bincount(uses.edge)[uses.edge[order]] == 2
-    a, b = order[two].reshape(-1, 2).T
+    a, b = uses.pairs
     f, g = uses.face[a], uses.face[b]
     normal = face_normals(mesh, faces)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]

@@ -92,10 +92,6 @@ class FaceIncidence:
         """Some of the pairs."""
         return FaceIncidence(self.face[rows], self.cell[rows], self.facet[rows], self.same[rows])
 
-    def by_cell(self) -> FaceIncidence:
-        """All pairs, sorted by cell."""
-        return self.take(np.argsort(self.cell, kind="stable"))
-
 
 # ---- rows of nodes that are equal
 
@@ -299,6 +295,13 @@ class EdgeUses(NamedTuple):
     start: Ints
     stop: Ints
     forward: Bools
+
+    @property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """(p,), (p,): the rows of the two faces at each edge that has exactly two."""
+        order = np.argsort(self.edge, kind="stable")
+        first, second = order[np.bincount(self.edge)[self.edge[order]] == 2].reshape(-1, 2).T
+        return first, second
 
 
 def edge_uses(faces: Faces) -> EdgeUses:
