@@ -51,7 +51,7 @@ def info(source: MeshFile, *, json: AsJson = False, mesh_name: MeshName = None, 
 
 def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
     """Print the content of a file; entities can be named where there are no groups."""
-    from lacmesh.smooth.fitted import in_words
+    from lacmesh.smooth.fitted import shapes_text
 
     print(f"{title}, {described['nodes']:,} nodes, {described['cells']:,} cells")
     if described["bounding_box"]:
@@ -79,7 +79,7 @@ def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tup
     if node_groups := [(name, f"{count:,}") for name, count in described["node_groups"].items()]:
         print_table(("node group", "+nodes"), node_groups)
     for name, shapes in described.get("shapes", {}).items():
-        print(f"{name}: {in_words(shapes)}")
+        print(f"{name}: {shapes_text(shapes)}")
     if described["lac"]:
         print(f"cut: {described['lac']['macro_elements']:,} macro-elements in {', '.join(described['lac']['zones'])}")
 

@@ -57,8 +57,8 @@ class FoundShape:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """Result of the search: `patches`, each of one shape or of free form; `found` shapes; `free` (f,): faces of none.
+class PatchFit:
+    """Fit of a surface: its `patches`, each of one shape or of free form; `shapes`; `free` (f,): faces of none.
 
     `whole`: the patches before shapes were grown inside them. `fits`: local fits at its nodes on free faces; they also
     use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
@@ -67,7 +67,7 @@ class Sought:
 
     patches: SmoothPatches
     whole: SmoothPatches
-    found: tuple[FoundShape, ...]
+    shapes: tuple[FoundShape, ...]
     fits: Fits
     rough: Fits
     free: Bools
@@ -79,7 +79,7 @@ class Sought:
         return np.asarray(self.free & (self.fits.known[node] | (node < 0)).all(axis=1))
 
 
-def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
+def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> PatchFit:
     """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
     search = _Search(patches, crease_angle)
     search.add(list(given))
@@ -93,7 +93,7 @@ def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundS
         search.add([one for one in search.planes() if one.nodes > _ALWAYS_FLAT[patches.dim]])
         search.add(search.whole_patches())
     close = _fits(whole, search.free, beyond, 4)[0]
-    return Sought(search.patches, whole, tuple(search.shapes), close, fits, search.free)
+    return PatchFit(search.patches, whole, tuple(search.shapes), close, fits, search.free)
 
 
 def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:
@@ -108,12 +108,12 @@ def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list
     return shapes + list(search.from_seeds(left, nodes, fits, rings, each=True))
 
 
-def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
-    """Fit at the nodes of the faces `asked` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
+def _fits(patches: SmoothPatches, wanted: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
+    """Fit at the nodes of the faces `wanted` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
 
     The rings are those of the nearest neighbours, and those used for the fits.
     """
-    nodes = mask_of(len(patches.x), patches.node[asked][patches.node[asked] >= 0])
+    nodes = mask_of(len(patches.x), patches.node[wanted][patches.node[wanted] >= 0])
     rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
     return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
 

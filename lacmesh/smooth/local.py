@@ -54,12 +54,12 @@ class Fits(NamedTuple):
     known: Bools
 
 
-def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings, Rings]:
-    """Return the nodes of one ring, and those of two, around the nodes `asked` (n,), on faces with nodes (f, 4).
+def rings_of(node: Ints, n_nodes: int, wanted: Bools, least: int) -> tuple[Rings, Rings]:
+    """Return the nodes of one ring, and those of two, around the nodes `wanted` (n,), on faces with nodes (f, 4).
 
     Three rings are used where two have fewer nodes than `least`.
     """
-    if not asked.any():  # as of flat skins, which are most
+    if not wanted.any():  # as of flat skins, which are most
         none = Rings(np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32))
         return none, none
     from scipy.sparse import csr_matrix
@@ -73,9 +73,9 @@ def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings,
     i, j = np.concatenate(rows), np.concatenate(columns)
     one = csr_matrix((np.ones(len(i), np.int32), (i, j)), shape=(n_nodes, n_nodes))
     one.data[:] = 1
-    mine = csr_matrix(one.multiply(asked[:, None]))
+    mine = csr_matrix(one.multiply(wanted[:, None]))
     two = _without_self(mine + mine @ one)
-    few = (np.diff(two.indptr) < least) & asked
+    few = (np.diff(two.indptr) < least) & wanted
     if few.any():
         two = _without_self(two + csr_matrix(two.multiply(few[:, None])) @ one)
     return Rings(mine.indptr, mine.indices), Rings(two.indptr, two.indices)

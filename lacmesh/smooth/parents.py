@@ -59,8 +59,8 @@ def parents_of(mesh: Mesh, surface: Surface) -> Parents:
     """
     own = Parents(surface, np.arange(len(surface)), _REFERENCE[surface.faces.type])
     macro = _macro_of_cell(mesh)
-    asked = np.unique(macro[surface.cell])
-    children = np.flatnonzero(np.isin(macro, asked[asked >= 0]))
+    wanted = np.unique(macro[surface.cell])
+    children = np.flatnonzero(np.isin(macro, wanted[wanted >= 0]))
     if not len(children):
         return own
     missing = np.setdiff1d(children, surface.cell)
