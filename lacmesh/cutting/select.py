@@ -14,7 +14,8 @@ import numpy as np
 
 from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
+from lacmesh.indices import repeated
+from lacmesh.mesh import Ints, Mesh, concatenated, mask_of
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import (
     TYPE_CODE,
@@ -177,7 +178,7 @@ def nodes_of_group(mesh: Mesh, spec: str) -> Ints:
 def check_numbers(mesh: Mesh) -> None:
     """Check that the numbers of cells and of nodes are unique, because records refer to them. Raises CutError."""
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
-        if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
+        if len(numbers) and (numbers.min() < 0 or repeated(numbers) is not None):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
 
 

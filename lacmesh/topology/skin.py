@@ -216,7 +216,7 @@ def _match(
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = concatenated(i for _, _, i, _ in parts)
     facet = concatenated(np.full(len(i), j) for _, _, i, j in parts)
-    labels, count = label_faces(Faces.stack([faces, candidates]))
+    labels, count = label_rows(np.sort(np.vstack([faces.corners, candidates.corners]), axis=1))
     face = places_of(labels[: len(faces)], count)[labels[len(faces) :]]
     hits = np.flatnonzero(face >= 0)
     hits = hits[np.lexsort((ids[hits], face[hits]))]
