@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
-from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
+from lacmesh.smooth.local import ENOUGH, LocalFits, Rings, local_fits, rings_of
 from lacmesh.smooth.parents import Bools, Joints, SmoothPatches, joints_of
 from lacmesh.smooth.shape import EXACT, ROUNDED, Shape, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.surface.normals import unit
@@ -68,8 +68,8 @@ class PatchFit:
     patches: SmoothPatches
     whole: SmoothPatches
     shapes: tuple[FoundShape, ...]
-    fits: Fits
-    rough: Fits
+    fits: LocalFits
+    rough: LocalFits
     free: Bools
 
     @property
@@ -108,7 +108,7 @@ def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list
     return shapes + list(search.from_seeds(left, nodes, fits, rings, each=True))
 
 
-def _fits(patches: SmoothPatches, wanted: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
+def _fits(patches: SmoothPatches, wanted: Bools, beside: Bools, degree: int) -> tuple[LocalFits, tuple[Rings, Rings]]:
     """Fit at the nodes of the faces `wanted` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
 
     The rings are those of the nearest neighbours, and those used for the fits.
@@ -118,7 +118,7 @@ def _fits(patches: SmoothPatches, wanted: Bools, beside: Bools, degree: int) -> 
     return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
 
 
-def _unsteady(patches: SmoothPatches, fits: Fits, one: Rings) -> Floats:
+def _unsteady(patches: SmoothPatches, fits: LocalFits, one: Rings) -> Floats:
     """(n,): largest change of the steadier principal curvature to a neighbour, times its distance; inf without a fit.
 
     Every exact shape has one principal curvature that does not change.
@@ -232,7 +232,7 @@ class _Search:
         cosine = np.abs((normal * self.patches.normal[faces]).sum(axis=1))
         return np.asarray(cosine > np.cos(np.radians(min(self.crease_angle, 90.0))))
 
-    def grown(self, fits: Fits, rings: tuple[Rings, Rings]) -> Iterator[FoundShape]:
+    def grown(self, fits: LocalFits, rings: tuple[Rings, Rings]) -> Iterator[FoundShape]:
         """Find shapes inside the patches of free faces, each grown from a seed; the largest patches first."""
         rank = _unsteady(self.patches, fits, rings[0])
         order = np.lexsort((rank, self.patches.owner))
@@ -246,7 +246,7 @@ class _Search:
                 yield from self.from_seeds(mask_of(len(self.patches.patch), faces), seeds, fits, rings)
 
     def from_seeds(
-        self, left: Bools, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], *, each: bool = False
+        self, left: Bools, seeds: Ints, fits: LocalFits, rings: tuple[Rings, Rings], *, each: bool = False
     ) -> Iterator[FoundShape]:
         """Find shapes on the faces `left` (f,), each grown from one of the nodes `seeds`, the most promising first.
 
@@ -269,7 +269,7 @@ class _Search:
             untried[self._nodes(one.faces)] = False
             yield one
 
-    def _from_seed(self, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings]) -> FoundShape | None:
+    def _from_seed(self, left: Bools, seed: int, fits: LocalFits, rings: tuple[Rings, Rings]) -> FoundShape | None:
         """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,), or None."""
         for ring in (rings[1], rings[0]):
             nodes = np.append(ring.of(seed), seed)
