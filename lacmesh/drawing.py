@@ -296,10 +296,9 @@ class Drawing:
 
     def add_words(self, title: str) -> None:
         """Add the title above, and the legend below, each line of it beside a box in its colour."""
-        pyvista, core = import_module("pyvista"), import_module("vtkmodules.vtkRenderingCore")
-        unit, style = self.unit, {"viewport": True, "color": INK}
+        unit, style = self.unit, {"font_size": round(11 * self.unit), "viewport": True}
         if title:
-            self.plot.add_text(title, position=(0.02, 0.945), font_size=round(13 * unit), **style)
+            self.plot.add_text(title, position=(0.02, 0.945), color=INK, **style | {"font_size": round(13 * unit)})
         room = int((0.96 * self.size[0] - (560 if self.scale else 80) * unit) / (12.4 * unit))
         lines = []
         for words, colour in self.legend:
@@ -311,17 +310,11 @@ class Drawing:
             bar |= {"title_font_size": round(22 * unit), "label_font_size": round(20 * unit), "color": INK}
             self.plot.add_scalar_bar(self.scale[0], mapper=self.scale[1], vertical=False, **bar)
         for k, (words, colour) in enumerate(reversed(lines)):
-            left, y = 0.02 * self.size[0], (26 + 40 * k) * unit
-            self.plot.add_text(
-                words, position=(0.02 + 60 * unit / self.size[0], y / self.size[1]), font_size=round(11 * unit), **style
-            )
-            if colour:
-                corners = [(left, y, 0), (left + 44 * unit, y, 0), (left + 44 * unit, y + 24 * unit, 0)]
-                mapper, box = core.vtkPolyDataMapper2D(), core.vtkActor2D()
-                mapper.SetInputData(pyvista.Rectangle(corners))
-                box.SetMapper(mapper)
-                box.GetProperty().SetColor(*rgb([colour])[0] / 255)
-                self.plot.add_actor(box)
+            y = (26 + 40 * k) * unit / self.size[1]
+            self.plot.add_text(words, position=(0.02 + 60 * unit / self.size[0], y), color=INK, **style)
+            if colour:  # letters of the colour, on the same
+                box = self.plot.add_text("MM", position=(0.02, y), color=colour, **style)
+                box.prop.background_color, box.prop.background_opacity = colour, 1.0
 
     def set_camera(self, eye: Floats) -> None:
         """Look along -eye with all in sight, and room for the words."""

@@ -297,10 +297,10 @@ def test_a_picture_without_a_package_a_renderer_or_a_folder(tmp_path, monkeypatc
     with pytest.raises(DataError, match="too far away"):
         picture(cube().moved(lambda x: 1e200 * x), tmp_path / "a.png")
     for package, draw, name in (("pyvista", picture, "a.png"), ("trame_pyvista", page, "a.html")):
-        monkeypatch.setattr(view, "find_spec", lambda name, missing=package: None if name == missing else name)
+        monkeypatch.setattr("lacmesh.errors.find_spec", lambda name, missing=package: None if name == missing else name)
         with pytest.raises(RequestError, match=f"needs {package}; pip install"):
             draw(cube(), tmp_path / name)
-    monkeypatch.setattr(view, "find_spec", lambda name: name)
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: name)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(view.sys, "platform", "linux")
     monkeypatch.setattr(view.subprocess, "run", lambda *words, **options: SimpleNamespace(returncode=-11))
