@@ -23,13 +23,13 @@ from lacmesh.grids import (
     Groups,
     Vector,
     bodies_of,
+    face_colours,
     grid_of,
-    kept_cells,
     outer_faces,
     outlines,
-    painted,
     skin_cells,
     unit,
+    visible_cells,
 )
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
@@ -61,10 +61,10 @@ class Drawing:
         """Choose the cells in sight. Raises RequestError, GroupNotFoundError, DataError for places too far away."""
         self.origin = origin_of_mesh(mesh)
         self.mesh = mesh = from_origin(mesh, self.origin)  # a graphics card counts with seven digits
-        kept = self.kept = kept_cells(mesh, cutaway)
+        visible = self.visible = visible_cells(mesh, cutaway)
         slaves, masters = skin_cells(mesh, slave), skin_cells(mesh, master if master else ())
-        self.slaves, self.masters = slaves[kept[slaves]], np.setdiff1d(masters[kept[masters]], slaves)
-        self.bodies = np.flatnonzero(kept & bodies_of(mesh))
+        self.slaves, self.masters = slaves[visible[slaves]], np.setdiff1d(masters[visible[masters]], slaves)
+        self.bodies = np.flatnonzero(visible & bodies_of(mesh))
         if not len(self.bodies) + len(self.slaves) + len(self.masters):
             raise RequestError("there is nothing to draw: no cells of dimension 1, 2 or 3, or none left in sight")
         joined = (b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim >= min(2, mesh.dim))
@@ -185,7 +185,7 @@ class Drawing:
         colours = (255 - mix * (255.0 - rgb([MASTER, *PALETTE]))).astype(np.uint8)
         if values is None:
             self._faces(master, colours[:1], before=1)
-            self._faces(slave, colours[1 + painted(slave, macro)], before=2)
+            self._faces(slave, colours[1 + face_colours(slave, macro)], before=2)
         elif values.on_skin:
             self._faces(slave, None, 1.0, values, before=2)
         for grid, group, colour, width in (
@@ -223,7 +223,7 @@ class Drawing:
         findings = sorted(findings, key=lambda finding: [*SEVERITIES].index(finding.severity))
         for finding in reversed([f for f in findings if f.severity != "info"]):  # the worst is drawn last
             colour, few = SEVERITIES[finding.severity], 1 + _LABELLED // len(findings)
-            cells = np.flatnonzero(np.isin(mesh.cell_number, finding.cells) & self.kept)
+            cells = np.flatnonzero(np.isin(mesh.cell_number, finding.cells) & self.visible)
             nodes = np.flatnonzero(np.isin(mesh.node_number, finding.nodes))
             part = self.part(cells)
             self._faces(part, rgb([colour]), before=4)

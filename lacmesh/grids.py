@@ -34,7 +34,7 @@ def skin_cells(mesh: Mesh, groups: Groups) -> Ints:
     return cells[(dim == dim.max(initial=0)) & (dim > 0) & (dim < 3)]
 
 
-def kept_cells(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
+def visible_cells(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
     """True for cells that are not cut away (n_cells,). Raises DataError for nodes too far away to be drawn."""
     used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
     far = np.flatnonzero(used & (np.abs(mesh.points) > _FARTHEST).any(axis=1))
@@ -91,7 +91,7 @@ def outlines(grid: Any, group: Ints, level: int) -> Any:
     return apart.extract_feature_edges(feature_edges=False, manifold_edges=False)
 
 
-def painted(grid: Any, macro: Ints) -> Ints:
+def face_colours(grid: Any, macro: Ints) -> Ints:
     """Index in PALETTE of each face of a grid (n,): one colour a macro-element (n,), others for those that touch it."""
     coo = import_module("scipy.sparse").coo_array
     if not len(macro):

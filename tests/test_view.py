@@ -15,7 +15,7 @@ from lacmesh import Mesh, cut_skin, generate, raise_order, view
 from lacmesh.cells import CELLS
 from lacmesh.drawing import BODIES, MASTER, OPACITY, RAMP, SEVERITIES, Drawing, rgb
 from lacmesh.errors import DataError, LacmeshWarning, RequestError, WriteError
-from lacmesh.grids import PALETTE, grid_of, outer_faces, painted
+from lacmesh.grids import PALETTE, face_colours, grid_of, outer_faces
 from lacmesh.reference.quadrature import measure
 from lacmesh.view import cell_values, page, picture, plotter
 from tests.meshes import cell_with_faces, random_mesh
@@ -111,7 +111,7 @@ def test_neighbours_have_different_colours(dim, order):
     drawing = drawing_of(cut_skin(random_mesh(np.random.default_rng(1), dim, order, slaves=100), "slave").mesh)
     slave = drawing.part(drawing.slaves)
     macro = drawing._macros(slave)
-    colour = painted(slave, macro)
+    colour = face_colours(slave, macro)
     nodes = [set(slave.get_cell(k).point_ids) for k in range(slave.n_cells)]
     for a in range(slave.n_cells):
         for b in range(a):
