@@ -267,12 +267,16 @@ class Drawing:
 
     def _edges(self, grid: Any, group: Any, colour: str, width: float) -> None:
         """Add the edges of a grid's faces between groups (n,) and at the end of all, thinner where cells are small."""
-        if not grid.n_cells:
+        lines = outlines(grid, np.asarray(group), self.level) if grid.n_cells else grid
+        if not lines.n_cells:
             return
-        thin = min(1.0, float(np.sqrt(grid.area / grid.n_cells)) / (0.03 * self.span))
+        a, b = lines.points[lines.lines.reshape(-1, 3)[:, 1:]].swapaxes(0, 1)
+        parts = 1 if np.isin(grid.celltypes, LINEAR).all() else 2**self.level  # of the edge of a curved face
+        length = parts * float(np.median(np.linalg.norm(b - a, axis=1)))
+        thin = min(1.0, length / (0.03 * self.span))
         if thin < 0.25 and width < 5:
             return  # they would only darken the faces
-        self._lines(outlines(grid, np.asarray(group), self.level), colour, width * max(thin, 0.4))
+        self._lines(lines, colour, width * max(thin, 0.4))
 
     def _lines(self, lines: Any, colour: str, width: float) -> None:
         """Add lines of a width in thousandths of the picture's height, before the faces that they lie on."""

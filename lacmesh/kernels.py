@@ -106,7 +106,6 @@ class Kernel:
     def _jit(self, folder: Path | None = None, **options: Any) -> Any:
         """Return numba's form of the function, which calls those of other kernels; `folder`: where it is cached."""
         numba: Any = import_module("numba")  # slow
-
         names = dict(self.function.__globals__)
         names |= {name: value.inner for name, value in _named(self.function) if isinstance(value, Kernel)}
         function, options = FunctionType(self.function.__code__, names), {**_OPTIONS, **options}
