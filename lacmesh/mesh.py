@@ -29,7 +29,7 @@ from lacmesh.indices import distinct as distinct
 from lacmesh.indices import mask_of as mask_of
 from lacmesh.indices import places_of as places_of
 from lacmesh.indices import positions as positions
-from lacmesh.model import Fixed
+from lacmesh.model import Fixed, fixed_mapping
 from lacmesh.model import Model as Model
 from lacmesh.model import Periodic as Periodic
 from lacmesh.model import Step as Step
@@ -88,9 +88,7 @@ class Mesh(Described):
     def __post_init__(self) -> None:
         values: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}
         values |= {name: fixed(getattr(self, name)) for name in ("points", "node_number", "cell_number")}
-        for name in _MAPPINGS:
-            own = getattr(self, name).items()
-            values[name] = Fixed({key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in own})
+        values |= {name: fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
         if self.file_order is not None:
             values["file_order"] = fixed(self.file_order)
         for name, value in values.items():

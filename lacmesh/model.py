@@ -36,6 +36,11 @@ def fixed(array: Any) -> NDArray:
     return array
 
 
+def fixed_mapping(mapping: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a read-only copy of a mapping, with read-only arrays."""
+    return Fixed({name: fixed(v) if isinstance(v, np.ndarray) else v for name, v in mapping.items()})
+
+
 @dataclass(frozen=True)
 class Step:
     """Position of an array of `cell_data` or `node_data` in a field of several time steps."""
