@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _modules():
+    if name not in _PUBLIC and not name.startswith("_") and find_spec(f"lacmesh.{name}"):  # a module
         return import_module(f"lacmesh.{name}")
     return _named("lacmesh", name, _PUBLIC)
 
@@ -78,14 +78,6 @@ def _named(package: str, name: str, public: Mapping[str, str]) -> Any:
     if name in public:
         return getattr(import_module(public[name]), name)
     raise AttributeError(f"module {package!r} has no attribute {name!r}")
-
-
-@cache
-def _modules() -> frozenset[str]:
-    """Names of the modules of this package; each can be accessed as an attribute without an import of its own."""
-    from pkgutil import iter_modules
-
-    return frozenset(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))
 
 
 def __dir__() -> list[str]:

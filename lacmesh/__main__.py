@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from functools import partial
 from importlib import import_module
 
 
@@ -22,10 +23,8 @@ def start(program: str) -> int:
         return 130
 
 
-def main() -> int:
-    """Run the command and return its exit status."""
-    return start("lacmesh")
-
+#: runs the command and returns its exit status
+main = partial(start, "lacmesh")
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -21,10 +21,11 @@ Nodes = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Facet:
-    """A side of a cell: its type, and its nodes as indices into the cell's own list, outward."""
+    """A side of a cell: its type, its nodes as indices into the cell's own list, outward, and those at its corners."""
 
     type: str
     nodes: Nodes
+    corners: Nodes
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def _facet(family: _Family, corners: Nodes, mid_nodes: bool, centres: bool) -> F
         first = len(family.corners) + len(family.edges)
         nodes += [first + k for k, f in enumerate(family.centred) if set(f) == set(corners)]
     stem = "POI" if len(corners) == 1 else "SEG" if family.dim == 2 else {3: "TRIA", 4: "QUAD"}[len(corners)]
-    return Facet(f"{stem}{len(nodes)}", tuple(nodes))
+    return Facet(f"{stem}{len(nodes)}", tuple(nodes), corners)
 
 
 def _cell(name: str) -> Cell:

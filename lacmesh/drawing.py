@@ -23,13 +23,13 @@ from lacmesh.grids import (
     Groups,
     Vector,
     bodies_of,
-    edges_between,
+    face_colours,
     grid_of,
-    kept_cells,
     outer_faces,
-    painted,
+    outlines,
     skin_cells,
     unit,
+    visible_cells,
 )
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
@@ -61,10 +61,10 @@ class Drawing:
         """Choose the cells in sight. Raises RequestError, GroupNotFoundError, DataError for places too far away."""
         self.origin = origin_of_mesh(mesh)
         self.mesh = mesh = from_origin(mesh, self.origin)  # a graphics card counts with seven digits
-        kept = self.kept = kept_cells(mesh, cutaway)
+        visible = self.visible = visible_cells(mesh, cutaway)
         slaves, masters = skin_cells(mesh, slave), skin_cells(mesh, master if master else ())
-        self.slaves, self.masters = slaves[kept[slaves]], np.setdiff1d(masters[kept[masters]], slaves)
-        self.bodies = np.flatnonzero(kept & bodies_of(mesh))
+        self.slaves, self.masters = slaves[visible[slaves]], np.setdiff1d(masters[visible[masters]], slaves)
+        self.bodies = np.flatnonzero(visible & bodies_of(mesh))
         if not len(self.bodies) + len(self.slaves) + len(self.masters):
             raise RequestError("there is nothing to draw: no cells of dimension 1, 2 or 3, or none left in sight")
         joined = (b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim >= min(2, mesh.dim))
@@ -185,7 +185,7 @@ class Drawing:
         colours = (255 - mix * (255.0 - rgb([MASTER, *PALETTE]))).astype(np.uint8)
         if values is None:
             self._faces(master, colours[:1], before=1)
-            self._faces(slave, colours[1 + painted(slave, macro)], before=2)
+            self._faces(slave, colours[1 + face_colours(slave, macro)], before=2)
         elif values.on_skin:
             self._faces(slave, None, 1.0, values, before=2)
         for grid, group, colour, width in (
@@ -223,7 +223,7 @@ class Drawing:
         findings = sorted(findings, key=lambda finding: [*SEVERITIES].index(finding.severity))
         for finding in reversed([f for f in findings if f.severity != "info"]):  # the worst is drawn last
             colour, few = SEVERITIES[finding.severity], 1 + _LABELLED // len(findings)
-            cells = np.flatnonzero(np.isin(mesh.cell_number, finding.cells) & self.kept)
+            cells = np.flatnonzero(np.isin(mesh.cell_number, finding.cells) & self.visible)
             nodes = np.flatnonzero(np.isin(mesh.node_number, finding.nodes))
             part = self.part(cells)
             self._faces(part, rgb([colour]), before=4)
@@ -267,18 +267,15 @@ class Drawing:
 
     def _edges(self, grid: Any, group: Any, colour: str, width: float) -> None:
         """Add the edges of a grid's faces between groups (n,) and at the end of all, thinner where cells are small."""
-        ends = edges_between(grid, np.asarray(group))
-        if not len(ends):
+        lines = outlines(grid, np.asarray(group), self.level) if grid.n_cells else grid
+        if not lines.n_cells:
             return
-        x, straight = grid.points, ends[:, 2] < 0
-        length = float(np.median(np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)))
+        a, b = lines.points[lines.lines.reshape(-1, 3)[:, 1:]].swapaxes(0, 1)
+        parts = 1 if np.isin(grid.celltypes, LINEAR).all() else 2**self.level  # of the edge of a curved face
+        length = parts * float(np.median(np.linalg.norm(b - a, axis=1)))
         thin = min(1.0, length / (0.03 * self.span))
         if thin < 0.25 and width < 5:
             return  # they would only darken the faces
-        cells = np.append(np.insert(ends[straight, :2], 0, 2, axis=1), np.insert(ends[~straight], 0, 3, axis=1))
-        types = np.repeat([3, 21], [np.count_nonzero(straight), np.count_nonzero(~straight)])
-        lines = import_module("pyvista").UnstructuredGrid(cells, types.astype(np.uint8), x)
-        lines = lines.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
         self._lines(lines, colour, width * max(thin, 0.4))
 
     def _lines(self, lines: Any, colour: str, width: float) -> None:
@@ -303,10 +300,9 @@ class Drawing:
 
     def add_words(self, title: str) -> None:
         """Add the title above, and the legend below, each line of it beside a box in its colour."""
-        pyvista, core = import_module("pyvista"), import_module("vtkmodules.vtkRenderingCore")
-        unit, style = self.unit, {"viewport": True, "color": INK}
+        unit, style = self.unit, {"font_size": round(11 * self.unit), "viewport": True}
         if title:
-            self.plot.add_text(title, position=(0.02, 0.945), font_size=round(13 * unit), **style)
+            self.plot.add_text(title, position=(0.02, 0.945), color=INK, **style | {"font_size": round(13 * unit)})
         room = int((0.96 * self.size[0] - (560 if self.scale else 80) * unit) / (12.4 * unit))
         lines = []
         for words, colour in self.legend:
@@ -318,17 +314,11 @@ class Drawing:
             bar |= {"title_font_size": round(22 * unit), "label_font_size": round(20 * unit), "color": INK}
             self.plot.add_scalar_bar(self.scale[0], mapper=self.scale[1], vertical=False, **bar)
         for k, (words, colour) in enumerate(reversed(lines)):
-            left, y = 0.02 * self.size[0], (26 + 40 * k) * unit
-            self.plot.add_text(
-                words, position=(0.02 + 60 * unit / self.size[0], y / self.size[1]), font_size=round(11 * unit), **style
-            )
-            if colour:
-                corners = [(left, y, 0), (left + 44 * unit, y, 0), (left + 44 * unit, y + 24 * unit, 0)]
-                mapper, box = core.vtkPolyDataMapper2D(), core.vtkActor2D()
-                mapper.SetInputData(pyvista.Rectangle(corners))
-                box.SetMapper(mapper)
-                box.GetProperty().SetColor(*rgb([colour])[0] / 255)
-                self.plot.add_actor(box)
+            y = (26 + 40 * k) * unit / self.size[1]
+            self.plot.add_text(words, position=(0.02 + 60 * unit / self.size[0], y), color=INK, **style)
+            if colour:  # letters of the colour, on the same
+                box = self.plot.add_text("MM", position=(0.02, y), color=colour, **style)
+                box.prop.background_color, box.prop.background_opacity = colour, 1.0
 
     def set_camera(self, eye: Floats) -> None:
         """Look along -eye with all in sight, and room for the words."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sized
 from dataclasses import fields
 from html import escape
+from math import isfinite
 from typing import Any, NoReturn
 
 #: most lines of a description, its title included, and their width
@@ -42,6 +43,19 @@ class Described:
         rows = (f"{cells[0]}{escape(k)}</th>{cells[1]}{escape(v)}</td>" for k, v in self._facts().items())
         table = "".join(f"<tr>{row}</tr>" for row in rows)
         return f"<div><b>{escape(self._title())}</b><table>{table}</table>{picture}</div>"
+
+
+def without_nan(value: Any) -> Any:
+    """Return plain data, such as JSON holds, with None in place of numbers that are not finite.
+
+    >>> without_nan({"mean": float("nan"), "of": (1, 2.5)})
+    {'mean': None, 'of': [1, 2.5]}
+    """
+    if isinstance(value, dict):
+        return {key: without_nan(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(part) for part in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 class ByName(dict[str, Any]):

@@ -34,7 +34,7 @@ def skin_cells(mesh: Mesh, groups: Groups) -> Ints:
     return cells[(dim == dim.max(initial=0)) & (dim > 0) & (dim < 3)]
 
 
-def kept_cells(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
+def visible_cells(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
     """True for cells that are not cut away (n_cells,). Raises DataError for nodes too far away to be drawn."""
     used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
     far = np.flatnonzero(used & (np.abs(mesh.points) > _FARTHEST).any(axis=1))
@@ -79,25 +79,19 @@ def outer_faces(grid: Any) -> Any:
     return import_module("pyvista").wrap(faces.GetOutput())
 
 
-def edges_between(grid: Any, group: Ints) -> Ints:
-    """Edges (e, 3), ends and mid-node or -1, of a grid's faces between two groups (n,), and of one face only."""
-    ends, groups = [np.empty((0, 3), np.int64)], [group[:0]]
-    for kind, nodes in grid.cells_dict.items():
-        corners = CELLS[FLAT[kind]].n_corners if kind in FLAT else 0
-        for k in range(corners):
-            middle = nodes[:, corners + k] if nodes.shape[1] > corners else np.full(len(nodes), -1)
-            ends.append(np.stack([nodes[:, k], nodes[:, (k + 1) % corners], middle], axis=1))
-            groups.append(group[grid.celltypes == kind])
-    every, of = np.concatenate(ends), np.concatenate(groups)
-    key = np.sort(every[:, :2], axis=1) @ [grid.n_points, 1]
-    first, label, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)[1:]
-    lowest, highest = np.full(len(first), np.inf), np.full(len(first), -np.inf)
-    np.minimum.at(lowest, label, of)
-    np.maximum.at(highest, label, of)
-    return every[first[(count != 2) | (lowest != highest)]]
+def outlines(grid: Any, group: Ints, level: int) -> Any:
+    """Return the lines around each group (n,) of a grid's faces; `level`: how finely curved faces are divided."""
+    grid = grid.copy(deep=False)
+    grid["group"] = group
+    faces = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=level).cast_to_unstructured_grid()
+    own = np.repeat(np.asarray(faces["group"]), np.diff(faces.cell_offsets))
+    points, apart = np.unique(np.stack([own, faces.cell_connectivity]), axis=1, return_inverse=True)  # each group's own
+    cells = np.insert(apart, faces.cell_offsets[:-1], np.diff(faces.cell_offsets))
+    apart = import_module("pyvista").UnstructuredGrid(cells, faces.celltypes, faces.points[points[1].astype(int)])
+    return apart.extract_feature_edges(feature_edges=False, manifold_edges=False)
 
 
-def painted(grid: Any, macro: Ints) -> Ints:
+def face_colours(grid: Any, macro: Ints) -> Ints:
     """Index in PALETTE of each face of a grid (n,): one colour a macro-element (n,), others for those that touch it."""
     coo = import_module("scipy.sparse").coo_array
     if not len(macro):

@@ -16,8 +16,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import json
 import logging
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -26,7 +28,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from types import CodeType
+from types import CodeType, FunctionType
 from typing import Any, ClassVar, overload
 
 import numpy as np
@@ -38,6 +40,10 @@ CACHED_FROM, COMPILED_FROM = 300, 100_000
 WORTH_CACHING = 500_000
 #: numbers that a kernel whose other form takes arrays at once does as it stands in the time of one in a loop
 IN_ARRAYS = 10
+#: the kernels that `lacmesh compile` compiles, and the types of their arguments
+SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
+#: of all that numba compiles
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 _plain = threading.local()  # `running` is True inside a kernel that runs as it stands
 _one_at_a_time = threading.RLock()
@@ -82,7 +88,7 @@ class Kernel:
             return (self.compiled or self.compile())(*arguments)
         except Exception:  # numba reads and writes its files without a guard; kernels raise nothing of their own
             shutil.rmtree(self.folder, ignore_errors=True)
-            self.compiled = _numba().jit(self.function)
+            self.compiled = self._jit()
             return self.compiled(*arguments)
 
     def compile(self) -> Any:
@@ -94,13 +100,39 @@ class Kernel:
                 for old in self.folder.parent.glob(f"{self.folder.stem}.*"):
                     if old != self.folder:  # of earlier sources
                         shutil.rmtree(old, ignore_errors=True)
-                self.compiled = _numba().jit(self.function, self.folder if writable(self.folder) else None)
+                self.compiled = self._jit(self.folder if writable(self.folder) else None)
         return self.compiled
+
+    def _jit(self, folder: Path | None = None, **options: Any) -> Any:
+        """Return numba's form of the function, which calls those of other kernels; `folder`: where it is cached."""
+        numba: Any = import_module("numba")  # slow
+        names = dict(self.function.__globals__)
+        names |= {name: value.inner for name, value in _named(self.function) if isinstance(value, Kernel)}
+        function, options = FunctionType(self.function.__code__, names), {**_OPTIONS, **options}
+        with _one_at_a_time:
+            before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
+            try:
+                return numba.njit(cache=folder is not None, **options)(function)
+            except RuntimeError:  # numba caches no function that has no file, as in a notebook
+                return numba.njit(**options)(function)
+            finally:
+                numba.config.CACHE_DIR = before
 
     @functools.cached_property
     def inner(self) -> Any:
         """The compiled form for kernels that call this one, without a wrapper for Python: a third of the time."""
-        return _numba().jit(self.function, no_cpython_wrapper=True, _nrt=not self.borrows)
+        return self._jit(no_cpython_wrapper=True, _nrt=not self.borrows)
+
+    def check_parts(self) -> None:
+        """Check the kernels that are compiled into this one. Raises TypeError for one that borrows and returns arrays.
+
+        numba refuses one that makes arrays.
+        """
+        for name, part in _named(self.function):
+            if isinstance(part, Kernel):
+                part.check_parts()
+                if part.borrows and any("array" in str(one.return_type) for one in part.inner.nopython_signatures):
+                    raise TypeError(f"the kernel {name} borrows arrays, and returns one")
 
     @functools.cached_property
     def folder(self) -> Path:
@@ -139,9 +171,8 @@ def kernel(function: Any = None, *, least: int = 0, costly: int = 1, borrows: bo
     that make no arrays and return none: the references to arrays that they take, in tuples too, are not counted, which
     takes longer than the work on one point (numba's option `_nrt`, which is not in its manual).
     """
-    if function is not None:
-        return Kernel(function)
-    return functools.partial(Kernel, least=least, costly=costly, borrows=borrows)
+    options: dict[str, Any] = {"least": least, "costly": costly, "borrows": borrows}
+    return functools.partial(Kernel, **options) if function is None else Kernel(function)
 
 
 @functools.cache
@@ -154,9 +185,7 @@ def cache_folder() -> Path:
     if os.access(beside.parent if beside.parent.is_dir() else package, os.W_OK):
         return beside
     with suppress(RuntimeError):  # nobody knows where this user is at home
-        places = {"win32": os.environ.get("LOCALAPPDATA"), "darwin": Path.home() / "Library/Caches"}
-        user = places.get(sys.platform) or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        return Path(user) / f"lacmesh-{name}"
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / f"lacmesh-{name}"
     return beside
 
 
@@ -169,21 +198,78 @@ def writable(folder: Path) -> bool:
     return False
 
 
+# ---- kernels that are compiled before they are called
+
+
+def listed() -> dict[str, list[Any]]:
+    """Return the listed kernels by module and name, with the forms of their arguments; what takes longest is first.
+
+    Forms are `int`, `float`, `bool`; arrays as `float64[2,C]` (dimensions, layout C, F or A, and `fixed` if it is
+    read-only); tuples as lists, named tuples as {class: fields}. `tools/record_kernels.py` makes the list.
+    """
+    return json.loads(SIGNATURES.read_text())
+
+
+def compile_listed(name: str) -> None:
+    """Compile a listed kernel for all its forms of arguments, or load it from the disk.
+
+    Raises TypeError for a part of it that borrows arrays and returns one.
+    """
+    numba: Any = import_module("numba")
+    module, _, function = name.rpartition(".")
+    kernel: Kernel = getattr(import_module(module), function)
+    for arguments in listed()[name]:
+        kernel.compile().compile(tuple(numba.typeof(_example(text)) for text in arguments))
+    kernel.check_parts()
+
+
+def _example(text: Any) -> Any:
+    """Return a value of a type that is written as text."""
+    if isinstance(text, list):
+        return tuple(map(_example, text))
+    if isinstance(text, dict):
+        ((path, fields),) = text.items()
+        module, _, name = path.rpartition(".")
+        return getattr(import_module(module), name)(*map(_example, fields))
+    if array := re.fullmatch(r"(\w+)\[(\d),([CFA])(,fixed)?\]", text):
+        dtype, ndim, layout, fixed = array.groups()
+        value = np.zeros((2,) * int(ndim), dtype, order="F" if layout == "F" else "C")
+        value = np.repeat(value, 2, axis=-1)[..., ::2] if layout == "A" else value
+        value.flags.writeable = not fixed
+        return value
+    return {"int": 0, "float": 0.0, "bool": False}[text] if text in ("int", "float", "bool") else np.dtype(text).type(0)
+
+
+# ---- what a kernel is made of
+
+
+def _codes(function: Any) -> list[CodeType]:
+    """The code of a function, and of those that are defined inside it."""
+    codes = [function.__code__]
+    for code in codes:
+        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return codes
+
+
+def _named(function: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the names that the code of a function has, and what they are in its module; None for what is not there."""
+    for code in _codes(function):
+        yield from ((name, function.__globals__.get(name)) for name in code.co_names)
+
+
 def _content(kernel: Kernel) -> Iterator[bytes]:
     """Yield everything on which the compiled form of a kernel depends."""
     yield repr((kernel.borrows, sys.version_info)).encode()
-    codes, words = [kernel.function.__code__], kernel.function.__doc__  # which changes nothing
-    for code in codes:
-        codes += [c for c in code.co_consts if isinstance(c, CodeType)]
+    words = kernel.function.__doc__  # which changes nothing
+    for code in _codes(kernel.function):
         yield code.co_code + repr([c for c in code.co_consts if not isinstance(c, CodeType) and c != words]).encode()
-        for name in code.co_names:
-            value = kernel.function.__globals__.get(name)
-            if isinstance(value, Kernel):
-                yield from _content(value)
-            elif isinstance(value, np.ndarray):
-                yield f"{name} {value.dtype} {value.shape}".encode() + value.tobytes()
-            else:
-                yield f"{name} {getattr(value, '__qualname__', None) or getattr(value, '__name__', value)!r}".encode()
+    for name, value in _named(kernel.function):
+        if isinstance(value, Kernel):
+            yield from _content(value)
+        elif isinstance(value, np.ndarray):
+            yield f"{name} {value.dtype} {value.shape}".encode() + value.tobytes()
+        else:
+            yield f"{name} {getattr(value, '__qualname__', None) or getattr(value, '__name__', value)!r}".encode()
 
 
 def _numbers(arguments: Any) -> int:
@@ -194,8 +280,3 @@ def _numbers(arguments: Any) -> int:
 @functools.cache
 def _log_compilation() -> None:
     logging.getLogger("lacmesh").info("compiling what this needs, 10 to 50 s, once; lacmesh compile does it beforehand")
-
-
-def _numba() -> Any:
-    """Return the module of what needs numba, which is slow to import."""
-    return import_module("lacmesh.compiled_kernels")

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.drawing import OPACITY, RAMP, Drawing
-from lacmesh.errors import LacmeshError, RequestError, WriteError, did_you_mean
+from lacmesh.errors import LacmeshError, RequestError, WriteError, check_installed, did_you_mean
 from lacmesh.formats.output import replace_file
 from lacmesh.grids import Groups, Vector
 from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
@@ -106,9 +106,7 @@ def check_request(
     if bodies is not None and bodies not in OPACITY:
         raise RequestError(f"bodies are drawn {', '.join(OPACITY)}, not {bodies!r}{did_you_mean(bodies, OPACITY)}")
     for package in ("pyvista", "trame_pyvista")[: 1 + (suffix in PAGES)]:
-        if find_spec(package) is None:
-            what = f"a page needs {package}" if suffix in PAGES else f"a picture needs {package}"
-            raise RequestError(f"{what}; pip install 'lacmesh[view]' brings it")
+        check_installed(package, "view", "a page" if suffix in PAGES else "a picture")
 
 
 def plotter(

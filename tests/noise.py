@@ -111,8 +111,8 @@ def kernel(dispatch):
     return functools.wraps(dispatch)(lambda self, *arguments: noisy(dispatch(self, *arguments), 1))
 
 
-def known_to_numba(jit):
-    """Let numba compile kernels that name functions with noise; what it compiles has none. Return `jit`."""
+def known_to_numba(njit):
+    """Let numba compile kernels that name functions with noise; what it compiles has none. Return `njit`."""
     from numba.core.registry import cpu_target
     from numba.extending import typeof_impl
 
@@ -120,7 +120,7 @@ def known_to_numba(jit):
     def _(function, _):
         return cpu_target.typing_context.resolve_value_type(function.function)
 
-    return jit
+    return njit
 
 
 #: module -> (change of a function, names of functions). What is absent in a version of a module is left out
@@ -141,7 +141,7 @@ CHANGES = {
     "scipy.sparse.linalg": [(giving(solve=solved), "splu spilu"), (solved, "spsolve eigsh svds")],
     "rslab": [(giving(factor=giving(solve=solved, solve_many=solved)), "analyze")],
     "lacmesh.kernels": [(kernel, "Kernel.dispatch")],
-    "lacmesh.compiled_kernels": [(known_to_numba, "jit")],
+    "numba": [(known_to_numba, "njit")],
 }
 
 

@@ -14,10 +14,10 @@ from threading import Lock
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from lacmesh import kernels
-from lacmesh.compiled_kernels import FILE, listed
-from lacmesh.kernels import Kernel
+from lacmesh.kernels import SIGNATURES, Kernel, listed
 from lacmesh.threads import in_threads, worthwhile
 from tests import REPOSITORY
 from tests.kernels_to_try import DATA
@@ -137,7 +137,7 @@ def test_every_kernel_gives_the_same_compiled_and_as_it_stands_and_is_listed(tmp
 
     compared = recorded(tmp_path, both)
     assert not different
-    assert compared == json.loads(FILE.read_text())
+    assert compared == json.loads(SIGNATURES.read_text())
     inside = {value for one in Kernel.known for name in one.function.__code__.co_names
               if isinstance(value := one.function.__globals__.get(name), Kernel)}  # fmt: skip
     own = {f"{k.__module__}.{k.__qualname__}" for k in Kernel.known if k not in inside}
@@ -269,9 +269,7 @@ def test_compile_compiles_all_that_is_listed_or_says_where_it_cannot(tmp_path):
     words, env = [sys.executable, "-m", "lacmesh", "compile"], {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0 and f"compiling: {len(listed())} of {len(listed())}\ncompiled" in done.stdout
-    code = (
-        "import sys\nfrom lacmesh.compiled_kernels import compile_listed, listed\nfrom lacmesh.kernels import Kernel\n"
-    )
+    code = "import sys\nfrom lacmesh.kernels import Kernel, compile_listed, listed\n"
     code += "for name in listed():\n    compile_listed(name)\n"
     code += "print(sum(k.compiled.stats.cache_misses.total() for k in Kernel.known if k.compiled))"
     again = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
@@ -288,8 +286,11 @@ def test_compile_compiles_all_that_is_listed_or_says_where_it_cannot(tmp_path):
 def test_a_part_that_borrows_arrays_makes_none_and_returns_none(part, refused, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     code = f"@kernel(borrows=True)\ndef part(x):\n    return {part}\n@kernel\ndef whole(x):\n    return part(x)\n"
+    whole = of_code(code, "whole")
     if not refused:
-        assert of_code(code, "whole").fast(np.ones(3)) == 2.0
+        assert whole.fast(np.ones(3)) == 2.0
+        whole.check_parts()
         return
     with pytest.raises(Exception, match=r"borrows arrays|NRT required|returning of array"):
-        of_code(code, "whole").fast(np.ones(3))
+        whole.compile().compile((typeof(np.ones(3)),))
+        whole.check_parts()

@@ -15,7 +15,7 @@ from lacmesh import Mesh, cut_skin, generate, raise_order, view
 from lacmesh.cells import CELLS
 from lacmesh.drawing import BODIES, MASTER, OPACITY, RAMP, SEVERITIES, Drawing, rgb
 from lacmesh.errors import DataError, LacmeshWarning, RequestError, WriteError
-from lacmesh.grids import PALETTE, grid_of, outer_faces, painted
+from lacmesh.grids import PALETTE, face_colours, grid_of, outer_faces
 from lacmesh.reference.quadrature import measure
 from lacmesh.view import cell_values, page, picture, plotter
 from tests.meshes import cell_with_faces, random_mesh
@@ -117,7 +117,7 @@ def test_neighbours_have_different_colours(dim, order):
     drawing = drawing_of(cut_skin(random_mesh(np.random.default_rng(1), dim, order, slaves=100), "slave").mesh)
     slave = drawing.part(drawing.slaves)
     macro = drawing._macros(slave)
-    colour = painted(slave, macro)
+    colour = face_colours(slave, macro)
     nodes = [set(slave.get_cell(k).point_ids) for k in range(slave.n_cells)]
     for a in range(slave.n_cells):
         for b in range(a):
@@ -299,10 +299,10 @@ def test_a_picture_without_a_package_a_renderer_or_a_folder(tmp_path, monkeypatc
     with pytest.raises(DataError, match="too far away"):
         picture(cube().moved(lambda x: 1e200 * x), tmp_path / "a.png")
     for package, draw, name in (("pyvista", picture, "a.png"), ("trame_pyvista", page, "a.html")):
-        monkeypatch.setattr(view, "find_spec", lambda name, missing=package: None if name == missing else name)
+        monkeypatch.setattr("lacmesh.errors.find_spec", lambda name, missing=package: None if name == missing else name)
         with pytest.raises(RequestError, match=f"needs {package}; pip install"):
             draw(cube(), tmp_path / name)
-    monkeypatch.setattr(view, "find_spec", lambda name: name)
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: name)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(view.sys, "platform", "linux")
     monkeypatch.setattr(view.subprocess, "run", lambda *words, **options: SimpleNamespace(returncode=-11))

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.compiled_kernels import FILE, compile_listed
-from lacmesh.kernels import Kernel
+from lacmesh.kernels import SIGNATURES, Kernel, compile_listed
 
 
 def as_it_stands(kernel: Kernel, *arguments: Any) -> Any:
@@ -68,14 +67,14 @@ def main() -> None:
     """Record, compile to see how long each takes, and write."""
     with TemporaryDirectory() as folder:
         found = recorded(Path(folder))
-    FILE.write_text(written(found))
+    SIGNATURES.write_text(written(found))
     took = {}
     for key in found:
         start = time.process_time()
         compile_listed(key)
         took[key] = time.process_time() - start
     order = sorted(found, key=lambda key: -took[key])
-    FILE.write_text(written({key: found[key] for key in order}))
+    SIGNATURES.write_text(written({key: found[key] for key in order}))
     print(f"{sum(map(len, found.values()))} forms of {len(found)} kernels, compiled in {sum(took.values()):.0f} s:")
     for key in order:
         print(f"{took[key]:6.2f} s  {len(found[key])}  {key}")

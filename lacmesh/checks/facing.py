@@ -20,7 +20,7 @@ from lacmesh.errors import DataError, counted
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import measure
 from lacmesh.smooth import surface_of
-from lacmesh.smooth.fitted import DOUBTFUL, doubt_in_words, faceted, few_in_words, fitted_shapes
+from lacmesh.smooth.fitted import DOUBTFUL, doubt_text, faceted, few_faces_text, fitted_shapes
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
@@ -60,7 +60,7 @@ def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
             if coarse.no_height:
                 what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
             if coarse.doubt > DOUBTFUL:
-                what.append(f"their {doubt_in_words(coarse.doubt)}")
+                what.append(f"their {doubt_text(coarse.doubt)}")
             message = f"{side.counted(len(coarse.cells), 'is|are')} too coarse for a curved skin: they "
             yield Place(f"{message}{', and '.join(what)}", coarse.cells, group=name)
 
@@ -72,7 +72,7 @@ def few_faces(request: Request) -> Iterator[Place | dict[str, Any]]:
     """
     shapes: dict[str, Any] = {}
     for name, smooth, surface in (zone for side in request.sides for zone in request.once(_smooth_zones, side)):
-        message = few_in_words(smooth) if request.options["surface"] == "smooth" else ""
+        message = few_faces_text(smooth) if request.options["surface"] == "smooth" else ""
         if message:
             yield Place(message, surface.cell, group=name)
         fitted = fitted_shapes(smooth, surface)

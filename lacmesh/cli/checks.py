@@ -90,9 +90,9 @@ def _figures(s: Any) -> Iterator[tuple[str, str]]:
         text = f"{inside:,} of {s['macro_elements']:,}" + (f", {free:,} of them free" if free != inside else "")
         yield "macro-elements with an internal dof", text
     if s.get("shapes"):
-        from lacmesh.smooth.fitted import in_words
+        from lacmesh.smooth.fitted import shapes_text
 
-        yield from ((f"shape of {group}", in_words(shapes)) for group, shapes in s["shapes"].items())
+        yield from ((f"shape of {group}", shapes_text(shapes)) for group, shapes in s["shapes"].items())
     if "bodies" in s:
         yield "bodies", f"{s['bodies']:,}"
     if "worst_quality" in s:

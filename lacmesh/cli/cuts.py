@@ -47,9 +47,7 @@ def cut(
     how: CutOptions,
     min_quality: Annotated[
         float | None,
-        Option(
-            metavar="X", help="write nothing if the least corner Jacobian of new cells is below X (1: ideal, 0: flat)"
-        ),
+        Option(metavar="X", help="write nothing if a new cell's corner Jacobian is below X (1: ideal, 0: flat)"),
     ] = None,
     recognition: Recognition,
     mesh_name: MeshName = None,
@@ -79,11 +77,8 @@ def cut(
         mesh = lacmesh.read(source, mesh=mesh_name)
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
-        if program:  # can it take the cells that the cut makes?
-            from lacmesh.exchange.targets import check_target_cells
-
-            options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
-            check_target_cells(mesh, skins.slave or [], program, recognise=choice, **options)
+        if program:
+            _check_program(mesh, skins.slave or [], program, how, choice)
         rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
         result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
         if min_quality is not None:
@@ -104,6 +99,14 @@ def cut(
             print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
         if page:
             print(f"report: {report}")
+
+
+def _check_program(mesh: lacmesh.Mesh, slave: list[str], program: str, how: CutOptions, choice: bool | None) -> None:
+    """Check that a program can take the cells that the cut makes. Raises RequestError."""
+    from lacmesh.exchange.targets import check_target_cells
+
+    same: dict[str, Any] = {name: getattr(how, name) for name in ("hexa", "interface", "skin_only")}
+    check_target_cells(mesh, slave, program, recognise=choice, **same)
 
 
 def _refuse_errors(findings: lacmesh.Findings) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Callable, Mapping
@@ -52,7 +51,7 @@ def info(source: MeshFile, *, json: AsJson = False, mesh_name: MeshName = None, 
 
 def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
     """Print the content of a file; entities can be named where there are no groups."""
-    from lacmesh.smooth.fitted import in_words
+    from lacmesh.smooth.fitted import shapes_text
 
     print(f"{title}, {described['nodes']:,} nodes, {described['cells']:,} cells")
     if described["bounding_box"]:
@@ -80,7 +79,7 @@ def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tup
     if node_groups := [(name, f"{count:,}") for name, count in described["node_groups"].items()]:
         print_table(("node group", "+nodes"), node_groups)
     for name, shapes in described.get("shapes", {}).items():
-        print(f"{name}: {in_words(shapes)}")
+        print(f"{name}: {shapes_text(shapes)}")
     if described["lac"]:
         print(f"cut: {described['lac']['macro_elements']:,} macro-elements in {', '.join(described['lac']['zones'])}")
 
@@ -215,17 +214,16 @@ def compile_(*, run: Run) -> None:
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    from lacmesh.compiled_kernels import compile_listed, listed
     from lacmesh.errors import WriteError
-    from lacmesh.kernels import cache_folder, writable
+    from lacmesh.kernels import cache_folder, compile_listed, listed, writable
+    from lacmesh.threads import available_cores
 
     start, names, folder = time.perf_counter(), list(listed()), cache_folder()
     if not writable(folder):
         raise WriteError(folder, "cannot be written; name another folder by NUMBA_CACHE_DIR")
-    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 4)
     # the terminal sends an interrupt to all processes: workers leave it to this one, which ends them
     ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, ignore) as pool:
+    with ProcessPoolExecutor(min(available_cores(), 4), get_context("spawn"), signal.signal, ignore) as pool:
         try:
             for count, done in enumerate(as_completed([pool.submit(compile_listed, name) for name in names]), 1):
                 done.result()

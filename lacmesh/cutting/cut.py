@@ -33,24 +33,17 @@ from lacmesh.topology.skin import TYPE_CODE
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
 
+#: options of `cut_skin` that are words, and what each may be
+_WORDS = {"hexa": HEXA, "interface": ("both", "refuse"), "orient": ("keep", "outward"),
+          "node_groups": ("extend", "keep"), "macro": ("cut", "stars"), "rest": ("cut", "join")}  # fmt: skip
+
+
 def cut_skin(
-    mesh: MeshLike,
-    slave: str | int | Sequence[str | int],
-    *,
-    hexa: str = "pyramid",
-    interface: str = "both",
-    orient: str = "keep",
-    skin_only: bool = False,
-    node_groups: str = "extend",
-    ring: float = 1 / 3,
-    depth: float = 1 / 2,
-    recognise: bool | None = None,
-    macro: str = "cut",
-    rest: str = "cut",
-    pairs: bool = False,
-    crease_angle: float | None = None,
-    dirichlet: Sequence[str | int] = (),
-) -> Cut:
+    mesh: MeshLike, slave: str | int | Sequence[str | int], *, hexa: str = "pyramid", interface: str = "both",
+    orient: str = "keep", skin_only: bool = False, node_groups: str = "extend", ring: float = 1 / 3,
+    depth: float = 1 / 2, recognise: bool | None = None, macro: str = "cut", rest: str = "cut", pairs: bool = False,
+    crease_angle: float | None = None, dirichlet: Sequence[str | int] = (),
+) -> Cut:  # fmt: skip
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements, or join them into some.
 
     `mesh`: a mesh, or the path of its file. `slave`: one group or several (a zone each), named as `Mesh.group` takes
@@ -79,16 +72,9 @@ def cut_skin(
     >>> cut.n_macros, cut.mesh.n_nodes, [(block.type, len(block.nodes)) for block in cut.mesh.blocks]
     (1, 5, [('TRIA3', 3), ('TETRA4', 3)])
     """
-    for name, value, allowed in (
-        ("hexa", hexa, HEXA),
-        ("interface", interface, ("both", "refuse")),
-        ("orient", orient, ("keep", "outward")),
-        ("node_groups", node_groups, ("extend", "keep")),
-        ("macro", macro, ("cut", "stars")),
-        ("rest", rest, ("cut", "join")),
-    ):
-        if value not in allowed:
-            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
+    for name, value in zip(_WORDS, (hexa, interface, orient, node_groups, macro, rest), strict=True):
+        if value not in _WORDS[name]:
+            raise RequestError(f"{name} is one of {', '.join(_WORDS[name])}, not {value!r}")
     if not (0 < ring < 1 and 0 < depth < 1):
         raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
     mesh = as_mesh(mesh)
@@ -99,15 +85,12 @@ def cut_skin(
     mesh, selection = select(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
+    stars = whole_faces(selection.faces)
     if macro == "stars":
-        held = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
+        fixed = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
         angle = 40.0 if crease_angle is None else crease_angle
-        stars = find_stars(
-            mesh, selection.faces, selection.zone, crease_angle=angle, held=held, pairs=pairs, join=rest == "join"
-        )
-        _warn_of_rest(mesh, selection, stars, rest, pairs)
-    else:
-        stars = whole_faces(selection.faces)
+        stars = find_stars(mesh, selection.faces, selection.zone, angle, fixed, pairs=pairs, join=rest == "join")
+        _warn_of_rest(mesh, selection, stars, rest)
     subdivision = subdivide(mesh, selection, stars.macro >= 0, hexa, skin_only, ring, depth)
     _warn_of_periodic(mesh, selection, subdivision.cut.patterns)
     new, origin = assemble(mesh, subdivision.new_nodes.parts, subdivision.children, extend=node_groups == "extend")
@@ -131,7 +114,7 @@ def _macros(cut: CutFaces, stars: Stars, n_nodes: int) -> tuple[Ints, Ints]:
     return number[label], owner
 
 
-def _warn_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str, pairs: bool) -> None:
+def _warn_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str) -> None:
     """Warn of faces that are in no star. Raises CutError if they were to be joined."""
     cells = selection.slave[stars.macro < 0]
     if not len(cells):

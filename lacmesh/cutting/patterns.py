@@ -102,18 +102,13 @@ def parent_pattern(parent: str, facet: int, kind: str, ring: float = 1 / 3, dept
     return _cone(cell, facet, X) if kind == CONE else _ring(cell, facet, X, depth)
 
 
-def _corners(cell: Cell, facet: int) -> Nodes:
-    kind = CELLS[cell.facets[facet].type]
-    return cell.facets[facet].nodes[: kind.n_corners]
-
-
 def _on_facet(cell: Cell, facet: int, X: NDArray, corners: Nodes | None = None) -> NDArray:
     """Map points X from a facet's reference element to the cell's.
 
     `corners`: those of another facet, listed to match this one's, to which the points are mapped instead.
     """
     flat = CELLS[cell.facets[facet].type].linear
-    return shape(flat, X) @ np.array([cell.reference[c] for c in corners or _corners(cell, facet)])
+    return shape(flat, X) @ np.array([cell.reference[c] for c in corners or cell.facets[facet].corners])
 
 
 def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
@@ -122,7 +117,7 @@ def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
     apex = cell.n_corners
     children = []
     for other in _other_facets(cell, facet):
-        side = _corners(cell, other)
+        side = cell.facets[other].corners
         # outward for the parent is outward for the child: base against the apex
         children.append((*side, apex) if cell.dim == 2 else (side[0], *side[:0:-1], apex))
     return _template(cell, children, points, on_face)
@@ -130,7 +125,7 @@ def _cone(cell: Cell, facet: int, X: NDArray) -> Template:
 
 def _other_facets(cell: Cell, facet: int) -> list[int]:
     """The other facets, in the order of the children."""
-    corners = _corners(cell, facet)
+    corners = cell.facets[facet].corners
     n = len(cell.facets)
     if cell.dim == 2:
         return [(facet - k) % n for k in range(1, n)]
@@ -138,13 +133,13 @@ def _other_facets(cell: Cell, facet: int) -> list[int]:
     edges = [{corners[k], corners[(k + 1) % len(corners)]} for k in range(len(corners))]
     at_edge = {}  # edge of the face, or FAR -> the facet there
     for j in (j for j in range(n) if j != facet):
-        shared = set(_corners(cell, j)) & set(corners)
+        shared = set(cell.facets[j].corners) & set(corners)
         at_edge[edges.index(shared) if len(shared) == 2 else FAR] = j
     return [at_edge[k] for k in order]
 
 
 def _ring(cell: Cell, facet: int, X: NDArray, depth: float) -> Template:
-    f = _corners(cell, facet)
+    f = cell.facets[facet].corners
     behind = {c: b for e in cell.edges for c, b in (e, e[::-1]) if c in f and b not in f}
     g = tuple(behind[c] for c in f)
     n, first = len(f), cell.n_corners
@@ -173,7 +168,15 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     own = [tuple(p) for p in cell.reference]
     # a face's own pattern has all its new points on it
     of_face = points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face]
-    listed = [_child(cell, [points[c] for c in corners]) for corners in children]
+    listed: list[tuple[str, list[Point]]] = []  # type of each child, of the order of its parent, and its nodes' places
+    for corners in ([points[c] for c in child] for child in children):
+        kind = _LINEAR[cell.dim, len(corners)]
+        if cell.order == 1:
+            listed.append((kind, corners))
+        else:
+            kind = _quadratic(cell, CELLS[kind].family, corners)
+            on_corners = ([corners[c] for c in on] for on in CELLS[kind].corners_of_node)
+            listed.append((kind, [tuple(np.mean(some, axis=0)) for some in on_corners]))
     every = [*own, *of_face, *(p for _, places in listed for p in places)]
     keys = [tuple(round(x, 9) + 0.0 for x in p) for p in every]
     frame = {key: k for k, key in enumerate(dict.fromkeys(keys))}
@@ -189,16 +192,6 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     new = np.array([every[k] for k in first[len(own) :]], float).reshape(-1, cell.dim)
     split = len(new) if on_face is None else len(on_face)
     return Template(blocks, new[:split], new[split:])
-
-
-def _child(cell: Cell, corners: list[Point]) -> tuple[str, list[Point]]:
-    """Type of a child, of the order of its parent, and the positions of all its nodes."""
-    linear = _LINEAR[cell.dim, len(corners)]
-    if cell.order == 1:
-        return linear, corners
-    kind = _quadratic(cell, CELLS[linear].family, corners)
-    middle = [tuple(np.mean([corners[c] for c in on], axis=0)) for on in CELLS[kind].corners_of_node]
-    return kind, middle
 
 
 #: (dimension, corners) -> linear type

@@ -14,7 +14,8 @@ import numpy as np
 
 from lacmesh.cells import CARRIED, CELLS
 from lacmesh.errors import CutError, GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
+from lacmesh.indices import repeated
+from lacmesh.mesh import Ints, Mesh, concatenated, mask_of
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import (
     TYPE_CODE,
@@ -155,7 +156,8 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
     _check_parents(mesh, faces, cells[first], parents, interface, skin_only)
     if orient == "outward":
         mesh, faces = flip_outward(mesh, cells, faces, first, parents)
-    skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes).by_cell()
+    skin = find_repeats(faces, cells_of_dim(mesh, dim), mesh.n_nodes)
+    skin = skin.take(np.argsort(skin.cell, kind="stable"))
     if not skin.same.all():
         odd = skin.cell[~skin.same]
         why = "lie on slave faces with other nodes (linear on quadratic?); remove them"
@@ -176,7 +178,7 @@ def nodes_of_group(mesh: Mesh, spec: str) -> Ints:
 def check_numbers(mesh: Mesh) -> None:
     """Check that the numbers of cells and of nodes are unique, because records refer to them. Raises CutError."""
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
-        if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
+        if len(numbers) and (numbers.min() < 0 or repeated(numbers) is not None):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
 
 

@@ -181,7 +181,9 @@ def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[dict[str, FaceIncidence],
             raise DataError(message, mesh.cell_number[cells])
     faces, _ = distinct_faces(mesh, np.unique(np.concatenate(parts)))
     on = (find_repeats(faces, [(k, nodes, ids) for k, ids, nodes in mesh.select(c)], mesh.n_nodes) for c in parts)
-    return {name: cells.by_cell() for name, cells in zip(names, on, strict=True)}, faces
+    return {
+        name: cells.take(np.argsort(cells.cell, kind="stable")) for name, cells in zip(names, on, strict=True)
+    }, faces
 
 
 def _check_owners(mesh: Mesh, groups: dict[str, FaceIncidence], faces: Faces, owners: FaceIncidence) -> None:

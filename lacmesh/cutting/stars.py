@@ -5,9 +5,9 @@
     macros   = the stars of the seeds; every face left over joins the neighbour that stays smallest    (`_join`)
 
 A seed's function vanishes outside its star, so that each macro-element owns a dof of its own, on any mesh and without a
-new node. The rim of the skin, creases, borders of zones and held nodes carry nothing. Carriers follow from integrals on
-the real geometry: corners of SEG2, TRIA3 and QUAD4, mid-nodes of TRIA6 and QUAD8, whose stars are pairs of faces. Faces
-that own a dof as they are (SEG3, TRIA7, QUAD9) are macro-elements as they are.
+new node. The rim of the skin, creases, borders of zones and fixed nodes carry nothing. Carriers follow from integrals
+on the real geometry: corners of SEG2, TRIA3 and QUAD4, mid-nodes of TRIA6 and QUAD8, whose stars are pairs of faces.
+Faces that own a dof as they are (SEG3, TRIA7, QUAD9) are macro-elements as they are.
 
 The largest independent set is sought as by Andrade, Resende and Werneck (Journal of Heuristics 18, 2012): in the order
 of the fewest free neighbours, then by swaps of one seed for two. Nodes and faces are taken by their place, so that the
@@ -83,13 +83,13 @@ def whole_faces(faces: Faces) -> Stars:
 
 
 def find_stars(
-    mesh: Mesh, faces: Faces, zone: Ints, *, crease_angle: float = 40.0, held: Ints | None = None, pairs: bool = False,
-    join: bool = False,
+    mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float = 40.0, fixed: Ints | None = None, *,
+    pairs: bool = False, join: bool = False,
 ) -> Stars:  # fmt: skip
     """Join slave faces, each once, to macro-elements of one `zone` (f,), which bend at edges by `crease_angle` at most.
 
-    `held`: nodes whose displacement is given, which carry nothing. `pairs`: QUAD8 are joined in pairs; else they are in
-    no star, as one pressure for two of them costs the displacement its order. `join`: faces that no star reaches join
+    `fixed`: nodes whose displacement is given, which carry nothing. `pairs`: QUAD8 are joined in pairs; else in no
+    star, as one pressure for two of them costs the displacement its order. `join`: faces that no star reaches join
     others across creases.
     """
     x = np.where((faces.corners >= 0)[..., None], mesh.points[faces.corners], 0.0)
@@ -98,10 +98,10 @@ def find_stars(
     skin = _skin(mesh, faces, zone, crease_angle)
     whole = whole_faces(faces)
     out = (whole.macro >= 0) | ((faces.type == TYPE_CODE["QUAD8"]) & (not pairs))
-    fixed = mask_of(mesh.n_nodes, skin.rim, *([] if held is None else [held]))
+    bare = mask_of(mesh.n_nodes, skin.rim, *([] if fixed is None else [fixed]))
     inside = faces.nodes >= 0
     integral = np.bincount(faces.nodes[inside], skin.value[inside], mesh.n_nodes)
-    carriers = _carriers(mesh, faces, skin, integral, fixed, out)
+    carriers = _carriers(mesh, faces, skin, integral, bare, out)
     carrier = np.concatenate([_seeds(*carriers, skin.across), whole.carrier])
     macro = np.where(inside, places_of(carrier, mesh.n_nodes)[faces.nodes], -1).max(axis=1)
     for graph in (skin, _skin(mesh, faces, zone, 180.0)) if join else (skin,):
@@ -123,9 +123,7 @@ def _by_place(x: Floats) -> Ints:
 def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     """Return the graph of the faces. An edge is a rim with one face or more than two, between zones, at a crease."""
     uses = edge_uses(faces)
-    order = np.argsort(uses.edge, kind="stable")
-    two = np.bincount(uses.edge)[uses.edge[order]] == 2
-    a, b = order[two].reshape(-1, 2).T
+    a, b = uses.pairs
     f, g = uses.face[a], uses.face[b]
     normal = face_normals(mesh, faces)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]

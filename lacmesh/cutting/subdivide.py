@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -84,11 +85,7 @@ def subdivide(
     minimum Jacobian, the ring on a tie.
     """
     able, component = _allowed_rings(mesh, selection, whole, hexa, skin_only)
-
-    def by(rows: Bools) -> Subdivision:
-        patterns = np.where(whole, WHOLE_CODE, np.where(rows, RING_CODE, CONE_CODE))
-        return _subdivide(mesh, selection, patterns, ring, depth)
-
+    by = partial(_subdivide, mesh, selection, whole, ring=ring, depth=depth)
     if hexa != "auto" or not (skin_only or mesh.dim == 3):
         return by(able)
     cuts = by(np.zeros_like(able)), by(able)
@@ -137,8 +134,11 @@ def _worst_of_sets(mesh: Mesh, selection: Selection, component: Ints, subdivisio
 # ---- new nodes and children
 
 
-def _subdivide(mesh: Mesh, selection: Selection, patterns: Ints, ring: float, depth: float) -> Subdivision:
-    """Cut the faces by their `patterns` (f,), codes of PATTERNS, the skin cells on them, and the parents behind."""
+def _subdivide(
+    mesh: Mesh, selection: Selection, whole: Bools, rings: Bools, *, ring: float, depth: float
+) -> Subdivision:
+    """Cut the faces that are not `whole` (f,), in `rings` (f,) or cones, the skin cells on them, and the parents."""
+    patterns = np.where(whole, WHOLE_CODE, np.where(rings, RING_CODE, CONE_CODE))
     new_nodes = NodeList(mesh.n_nodes)
     faces = selection.faces
     cut = CutFaces(faces, patterns, np.empty((len(faces), 0), np.int64), ring, depth)
@@ -149,18 +149,14 @@ def _subdivide(mesh: Mesh, selection: Selection, patterns: Ints, ring: float, de
             nodes = faces.nodes[rows][:, : CELLS[kind].n_nodes]
             points[rows, : len(at)] = new_nodes.add(kind, nodes, at, nodes[:, : CELLS[kind].n_corners])
     cut = replace(cut, points=points)
-    children = [*_cut_skin_cells(mesh, cut, selection.skin), *_cut_parents(mesh, cut, selection.parents, new_nodes)]
-    return Subdivision(cut, new_nodes, children)
-
-
-def _cut_skin_cells(mesh: Mesh, cut: CutFaces, skin: FaceIncidence) -> Iterator[ChildCells]:
-    """Cut the skin cells on the faces; their children are in each cell's own order. `skin`: sorted by cell."""
-    for kind, cells, nodes in mesh.select(skin.cell):
-        faces = skin.face[np.searchsorted(skin.cell, cells)]
-        for face_type, name, rows in cut.by_pattern(faces):
+    children: list[ChildCells] = []
+    for kind, cells, nodes in mesh.select(selection.skin.cell):  # their children are in each cell's own order
+        on = selection.skin.face[np.searchsorted(selection.skin.cell, cells)]
+        for face_type, name, rows in cut.by_pattern(on):
             if name != WHOLE:
-                frame = cut.frame(nodes[rows], nodes[rows], faces[rows], face_type, name)
-                yield from _children(face_pattern(kind, name, cut.ring), frame, cells[rows])
+                frame = cut.frame(nodes[rows], nodes[rows], on[rows], face_type, name)
+                children += _children(face_pattern(kind, name, ring), frame, cells[rows])
+    return Subdivision(cut, new_nodes, [*children, *_cut_parents(mesh, cut, selection.parents, new_nodes)])
 
 
 def _cut_parents(mesh: Mesh, cut: CutFaces, parents: FaceIncidence, new_nodes: NodeList) -> list[ChildCells]:

@@ -239,7 +239,8 @@ def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str] = (), nodes: Bools 
     if nodes is not None:
         own = own | nodes
         cells |= ~_touching(mesh, ~nodes)
-    return nodes_of(mesh, cells, own), np.flatnonzero(cells)
+    index = np.flatnonzero(cells)
+    return np.flatnonzero(mask_of(mesh.n_nodes, mesh.nodes_on(index), own)), index
 
 
 def _touching(mesh: Mesh, nodes: Bools) -> Bools:
@@ -250,14 +251,6 @@ def _touching(mesh: Mesh, nodes: Bools) -> Bools:
         for column in block.nodes.T:
             of_block |= nodes[column]
     return touched
-
-
-def nodes_of(mesh: Mesh, cells: Bools, more: Bools | None = None) -> Ints:
-    """Return the nodes, ascending, of the cells of a mask (n_cells,), and those of the mask `more` (n_nodes,)."""
-    nodes = np.zeros(mesh.n_nodes, bool) if more is None else more.copy()
-    for k, block in enumerate(mesh.blocks):
-        nodes[block.nodes[cells[mesh.offsets[k] : mesh.offsets[k + 1]]]] = True
-    return np.flatnonzero(nodes)
 
 
 def cells_of_skin(mesh: Mesh, name: str) -> Bools:

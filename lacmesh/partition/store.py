@@ -30,15 +30,7 @@ from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, Reques
 from lacmesh.formats.notes import dump, load, parse
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh, positions
-from lacmesh.partition.parts import (
-    Part,
-    bodies_of,
-    cells_of_skin,
-    figures_of,
-    needed,
-    nodes_of,
-    skin_name,
-)
+from lacmesh.partition.parts import Part, bodies_of, cells_of_skin, figures_of, needed, skin_name
 
 #: the name of the file in the folder, and the version of its layout
 FILE, VERSION = "parts.npz", 3
@@ -136,8 +128,8 @@ def _pieces(mesh: Mesh, owner: Ints, n_ranks: int, skins: Sequence[str]) -> Iter
     for rank in range(n_ranks):
         yield needed(mesh, owner == rank)
     for name in skins:
-        cells = cells_of_skin(mesh, name)
-        yield nodes_of(mesh, cells), np.flatnonzero(cells)
+        cells = np.flatnonzero(cells_of_skin(mesh, name))
+        yield mesh.nodes_on(cells), cells
 
 
 # ---- reading

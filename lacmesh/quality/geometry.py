@@ -199,7 +199,7 @@ def corners_of(name: str) -> Corners:
     way = {ends: 2 * k + s for k, edge in enumerate(cell.edges) for s, ends in enumerate((edge, edge[::-1]))}
     circles = [tuple(range(cell.n_corners))]
     if cell.dim == 3:
-        circles = [f.nodes[: CELLS[CELLS[f.type].linear].n_corners] for f in cell.facets]
+        circles = [facet.corners for facet in cell.facets]
     planes = [(way[t[k], t[k - 1]], way[t[k], t[(k + 1) % len(t)]]) for t in circles for k in range(len(t))]
     at_end: dict[int, list[int]] = defaultdict(list)
     for k, pair in enumerate(planes):
@@ -256,13 +256,6 @@ class Shapes:
         return cross(*(self.directions[:, ways] for ways in self.corners.planes.T))
 
     @cached_property
-    def determinants(self) -> Floats:
-        """(frames, k): determinants of three directions at the corners of a solid."""
-        plane, way = self.corners.frames.T
-        a, b = (self.directions[:, ways] for ways in self.corners.planes[plane].T)
-        return dot(cross(a, b), self.directions[:, way])
-
-    @cached_property
     def cosines(self) -> Floats:
         """(2, k): least and largest cosine of an angle, within [-1, 1]; NaN without any."""
         if self.cell.dim == 3:
@@ -307,7 +300,9 @@ def own_measures(name: str, points: Floats, nodes: Ints, measures: Iterable[str]
 def _corner_jacobian(cells: Shapes) -> Floats:
     """Least determinant of the directions at a corner; of a surface, of them and the mean normal, or +z."""
     if cells.cell.dim == 3:
-        least = cells.determinants.min(axis=0)
+        plane, way = cells.corners.frames.T
+        a, b = (cells.directions[:, ways] for ways in cells.corners.planes[plane].T)
+        least = dot(cross(a, b), cells.directions[:, way]).min(axis=0)
     elif cells.plane:
         least = -cells.normals[2].max(axis=0)
     else:

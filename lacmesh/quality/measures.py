@@ -77,14 +77,12 @@ warpage               unit+  -                       0.3:1   -                  
 _HEAD, *_ROWS = [line.split() for line in _TABLE.strip().split("\n")]
 
 
-def _range(text: str) -> Range | None:
-    low, _, high = text.partition(":")
-    return (float(low), float(high)) if high else None
-
-
+_RANGES: Mapping[str, Any] = {
+    text: tuple(map(float, text.split(":"))) if ":" in text else None for row in _ROWS for text in row[2:]
+}
 #: type -> measure of Verdict -> the range that it accepts, None where it names none
 ACCEPTED: Mapping[str, Mapping[str, Range | None]] = MappingProxyType(
-    {kind: {row[0]: _range(row[k]) for row in _ROWS if row[k] != "-"} for k, kind in enumerate(_HEAD) if k > 1}
+    {kind: {row[0]: _RANGES[row[k]] for row in _ROWS if row[k] != "-"} for k, kind in enumerate(_HEAD) if k > 1}
 )
 #: every measure there is
 SCALES: Mapping[str, Scale] = MappingProxyType(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.facts import Described
+from lacmesh.facts import Described, without_nan
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, positions, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.geometry import validity_among
@@ -73,14 +73,9 @@ class Statistics:
     def as_json(self) -> dict[str, Any]:
         """Return the statistics as plain data; None for a value that does not exist."""
         out: dict[str, Any] = {"count": self.count, "undefined": self.undefined, "outside_range": self.outside}
-        out |= {"min": _plain(self.least)}
-        out |= {f"p{p}": _plain(v) for p, v in zip(PERCENTS, self.percentiles, strict=True)}
-        out |= {"mean": _plain(self.mean), "max": _plain(self.largest)}
-        return out | {"histogram": asdict(self.histogram)}
-
-
-def _plain(value: float) -> float | None:
-    return None if np.isnan(value) else value
+        out |= {"min": self.least, **{f"p{p}": v for p, v in zip(PERCENTS, self.percentiles, strict=True)}}
+        plain: dict[str, Any] = without_nan(out | {"mean": self.mean, "max": self.largest})
+        return plain | {"histogram": asdict(self.histogram)}
 
 
 def statistics(measure: str, values: Floats, accepted: tuple[float, float] | None = None) -> Statistics:
@@ -149,9 +144,7 @@ class BadCell:
 
     def as_json(self) -> dict[str, Any]:
         """Return the cell as plain data."""
-        out = {"cell" if name == "number" else name: value for name, value in asdict(self).items()}
-        value, validity, *centroid = _finite(self.value, self.validity, *self.centroid)
-        return out | {"centroid": centroid, "value": value, "validity": validity}
+        return {"cell" if name == "number" else name: without_nan(value) for name, value in asdict(self).items()}
 
 
 @dataclass(frozen=True)
@@ -180,14 +173,10 @@ class TypeQuality:
             "invalid_at": self.invalid_at,
             "poor": self.poor,
             "ranked_by": primary_metric(self.type),
-            "accepted_ranges": {m: r and _finite(*r) for m, r in accepted.items() if m in self.measures},
+            "accepted_ranges": {m: without_nan(r) for m, r in accepted.items() if m in self.measures},
             "measures": {name: s.as_json() for name, s in self.measures.items()},
             "worst": [cell.as_json() for cell in self.worst],
         }
-
-
-def _finite(*values: float) -> list[float | None]:
-    return [v if np.isfinite(v) else None for v in values]
 
 
 @dataclass(frozen=True, repr=False)

@@ -26,57 +26,43 @@ Basis = tuple[tuple[tuple[int, int, int, int], ...], ...]
 _TINY = 1e-300
 
 
-def _monomials(*exponents: tuple[int, int, int]) -> Basis:
-    return tuple(((*e, 0),) for e in exponents)
+def _monomials(dim: int, degree: int, total: int = 6, linear: int = 0) -> Basis:
+    """Every monomial of degree at most `degree` in each variable, and at most `total` in all, as P and Q spaces have.
 
-
-def _complete(dim: int, degree: int) -> Basis:
-    """Every monomial of total degree at most `degree`."""
-    return _monomials(*(_pad(e) for e in product(range(degree + 1), repeat=dim) if sum(e) <= degree))
-
-
-def _tensor(dim: int, degree: int) -> Basis:
-    """Every monomial of degree at most `degree` in each variable."""
-    return _monomials(*(_pad(e) for e in product(range(degree + 1), repeat=dim)))
-
-
-def _serendipity(dim: int) -> Basis:
-    """Every monomial of superlinear degree at most 2 (Arnold and Awanou, Found. Comput. Math. 11, 2011)."""
-    chosen = (e for e in product(range(3), repeat=dim) if sum(i for i in e if i > 1) <= 2)
-    return _monomials(*(_pad(e) for e in chosen))
+    Powers up to `linear` do not count for the total: with 1 they are those of the serendipity spaces, whose superlinear
+    degree is bounded (Arnold and Awanou, Found. Comput. Math. 11, 2011).
+    """
+    powers = (e for e in product(range(degree + 1), repeat=dim) if sum(i for i in e if i > linear) <= total)
+    padded = ((*e, 0, 0, 0)[:3] for e in powers)
+    return tuple(((i, j, k, 0),) for i, j, k in padded)
 
 
 def _prism(triangle: Basis, powers: range) -> Basis:
     return tuple(((i, j, k, 0),) for ((i, j, _, _),) in triangle for k in powers)
 
 
-def _pad(e: tuple[int, ...]) -> tuple[int, int, int]:
-    i, j, k = (*e, 0, 0, 0)[:3]
-    return i, j, k
-
-
 _RATIONAL_13: Basis = (((1, 1, 0, 1),), ((2, 1, 0, 1),), ((1, 2, 0, 1),))
 _BASES: dict[str, Basis] = {
-    "POI1": _complete(0, 0),
-    "SEG2": _complete(1, 1),
-    "SEG3": _complete(1, 2),
-    "TRIA3": _complete(2, 1),
-    "TRIA6": _complete(2, 2),
-    "TRIA7": (*_complete(2, 2), ((2, 1, 0, 0), (1, 2, 0, 0))),
-    "QUAD4": _tensor(2, 1),
-    "QUAD8": _serendipity(2),
-    "QUAD9": _tensor(2, 2),
-    "TETRA4": _complete(3, 1),
-    "TETRA10": _complete(3, 2),
-    "HEXA8": _tensor(3, 1),
-    "HEXA20": _serendipity(3),
-    "HEXA27": _tensor(3, 2),
-    "PENTA6": _prism(_complete(2, 1), range(2)),
-    "PENTA15": (*_prism(_complete(2, 2), range(2)), *_prism(_complete(2, 1), range(2, 3))),
-    "PENTA18": _prism(_complete(2, 2), range(3)),
-    "PYRAM5": (*_complete(3, 1), ((1, 1, 0, 1),)),
-    "PYRAM13": (*_complete(3, 2), *_RATIONAL_13),
-    "PYRAM14": (*_complete(3, 2), *_RATIONAL_13, ((2, 2, 0, 2),)),
+    "POI1": _monomials(0, 0, 0),
+    "SEG2": _monomials(1, 1, 1),
+    "SEG3": _monomials(1, 2, 2),
+    "TRIA3": _monomials(2, 1, 1),
+    "TRIA6": _monomials(2, 2, 2),
+    "TRIA7": (*_monomials(2, 2, 2), ((2, 1, 0, 0), (1, 2, 0, 0))),
+    "QUAD4": _monomials(2, 1),
+    "QUAD8": _monomials(2, 2, 2, linear=1),
+    "QUAD9": _monomials(2, 2),
+    "TETRA4": _monomials(3, 1, 1),
+    "TETRA10": _monomials(3, 2, 2),
+    "HEXA8": _monomials(3, 1),
+    "HEXA20": _monomials(3, 2, 2, linear=1),
+    "HEXA27": _monomials(3, 2),
+    "PENTA6": _prism(_monomials(2, 1, 1), range(2)),
+    "PENTA15": (*_prism(_monomials(2, 2, 2), range(2)), *_prism(_monomials(2, 1, 1), range(2, 3))),
+    "PENTA18": _prism(_monomials(2, 2, 2), range(3)),
+    "PYRAM5": (*_monomials(3, 1, 1), ((1, 1, 0, 1),)),
+    "PYRAM13": (*_monomials(3, 2, 2), *_RATIONAL_13),
+    "PYRAM14": (*_monomials(3, 2, 2), *_RATIONAL_13, ((2, 2, 0, 2),)),
 }
 
 

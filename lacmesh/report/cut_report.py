@@ -21,6 +21,7 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut
 from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.facts import without_nan
 from lacmesh.formats.output import check_place, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian, measure_cells, measures_of
@@ -127,7 +128,7 @@ class CutReport:
 
     def as_json(self) -> dict[str, Any]:
         """Report as plain data, without what is not a number."""
-        plain: dict[str, Any] = _without_nan(asdict(self))
+        plain: dict[str, Any] = without_nan(asdict(self))
         return plain | {"findings": None if self.findings is None else [f.as_dict() for f in self.findings]}
 
 
@@ -327,15 +328,6 @@ def _plain(text: str) -> str:
     for sign in "\\`*_<>[]|&#":
         text = text.replace(sign, "\\" + sign)
     return text
-
-
-def _without_nan(value: Any) -> Any:
-    """Plain data with None in place of numbers that are not finite."""
-    if isinstance(value, dict):
-        return {key: _without_nan(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_nan(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: float) -> str:

@@ -11,16 +11,16 @@
 Nothing here depends on units, or on the position, orientation or numbering of the model.
 """
 
-from lacmesh.smooth.fitted import DOUBTFUL, FittedShape, doubt_in_words, fit_surface, told_of_few, unresolved
+from lacmesh.smooth.fitted import DOUBTFUL, FittedShape, doubt_text, few_faces_text_of, fit_surface, unresolved
 from lacmesh.smooth.heights import height_of, surface_of
 
 __all__ = [
     "DOUBTFUL",
     "FittedShape",
-    "doubt_in_words",
+    "doubt_text",
+    "few_faces_text_of",
     "fit_surface",
     "height_of",
     "surface_of",
-    "told_of_few",
     "unresolved",
 ]

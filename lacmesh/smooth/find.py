@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
-from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
+from lacmesh.smooth.local import ENOUGH, LocalFits, Rings, local_fits, rings_of
 from lacmesh.smooth.parents import Bools, Joints, SmoothPatches, joints_of
 from lacmesh.smooth.shape import EXACT, ROUNDED, Shape, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.surface.normals import unit
@@ -57,8 +57,8 @@ class FoundShape:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """Result of the search: `patches`, each of one shape or of free form; `found` shapes; `free` (f,): faces of none.
+class PatchFit:
+    """Fit of a surface: its `patches`, each of one shape or of free form; `shapes`; `free` (f,): faces of none.
 
     `whole`: the patches before shapes were grown inside them. `fits`: local fits at its nodes on free faces; they also
     use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
@@ -67,9 +67,9 @@ class Sought:
 
     patches: SmoothPatches
     whole: SmoothPatches
-    found: tuple[FoundShape, ...]
-    fits: Fits
-    rough: Fits
+    shapes: tuple[FoundShape, ...]
+    fits: LocalFits
+    rough: LocalFits
     free: Bools
 
     @property
@@ -79,7 +79,7 @@ class Sought:
         return np.asarray(self.free & (self.fits.known[node] | (node < 0)).all(axis=1))
 
 
-def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
+def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> PatchFit:
     """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
     search = _Search(patches, crease_angle)
     search.add(list(given))
@@ -93,7 +93,7 @@ def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundS
         search.add([one for one in search.planes() if one.nodes > _ALWAYS_FLAT[patches.dim]])
         search.add(search.whole_patches())
     close = _fits(whole, search.free, beyond, 4)[0]
-    return Sought(search.patches, whole, tuple(search.shapes), close, fits, search.free)
+    return PatchFit(search.patches, whole, tuple(search.shapes), close, fits, search.free)
 
 
 def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:
@@ -108,17 +108,17 @@ def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list
     return shapes + list(search.from_seeds(left, nodes, fits, rings, each=True))
 
 
-def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
-    """Fit at the nodes of the faces `asked` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
+def _fits(patches: SmoothPatches, wanted: Bools, beside: Bools, degree: int) -> tuple[LocalFits, tuple[Rings, Rings]]:
+    """Fit at the nodes of the faces `wanted` (f,), from neighbours on the faces `beside` (f,); return fits and rings.
 
     The rings are those of the nearest neighbours, and those used for the fits.
     """
-    nodes = mask_of(len(patches.x), patches.node[asked][patches.node[asked] >= 0])
+    nodes = mask_of(len(patches.x), patches.node[wanted][patches.node[wanted] >= 0])
     rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
     return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
 
 
-def _unsteady(patches: SmoothPatches, fits: Fits, one: Rings) -> Floats:
+def _unsteady(patches: SmoothPatches, fits: LocalFits, one: Rings) -> Floats:
     """(n,): largest change of the steadier principal curvature to a neighbour, times its distance; inf without a fit.
 
     Every exact shape has one principal curvature that does not change.
@@ -232,7 +232,7 @@ class _Search:
         cosine = np.abs((normal * self.patches.normal[faces]).sum(axis=1))
         return np.asarray(cosine > np.cos(np.radians(min(self.crease_angle, 90.0))))
 
-    def grown(self, fits: Fits, rings: tuple[Rings, Rings]) -> Iterator[FoundShape]:
+    def grown(self, fits: LocalFits, rings: tuple[Rings, Rings]) -> Iterator[FoundShape]:
         """Find shapes inside the patches of free faces, each grown from a seed; the largest patches first."""
         rank = _unsteady(self.patches, fits, rings[0])
         order = np.lexsort((rank, self.patches.owner))
@@ -246,7 +246,7 @@ class _Search:
                 yield from self.from_seeds(mask_of(len(self.patches.patch), faces), seeds, fits, rings)
 
     def from_seeds(
-        self, left: Bools, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], *, each: bool = False
+        self, left: Bools, seeds: Ints, fits: LocalFits, rings: tuple[Rings, Rings], *, each: bool = False
     ) -> Iterator[FoundShape]:
         """Find shapes on the faces `left` (f,), each grown from one of the nodes `seeds`, the most promising first.
 
@@ -269,7 +269,7 @@ class _Search:
             untried[self._nodes(one.faces)] = False
             yield one
 
-    def _from_seed(self, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings]) -> FoundShape | None:
+    def _from_seed(self, left: Bools, seed: int, fits: LocalFits, rings: tuple[Rings, Rings]) -> FoundShape | None:
         """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,), or None."""
         for ring in (rings[1], rings[0]):
             nodes = np.append(ring.of(seed), seed)

@@ -126,19 +126,19 @@ def fitted_shapes(smooth: Smooth, surface: Surface) -> tuple[FittedShape, ...]:
     return tuple(sorted(fitted, key=lambda one: -len(one.faces)))
 
 
-def told_of_few(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> str:
+def few_faces_text_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> str:
     """Say which faces of a surface are taken as one shape although they turn by more than 40 degrees; "" if none."""
     taken = surface.height is not None and surface.height.taken is not None
-    return few_in_words(smooth_of(mesh, surface, crease_angle)) if taken else ""
+    return few_faces_text(smooth_of(mesh, surface, crease_angle)) if taken else ""
 
 
-def few_in_words(smooth: Smooth) -> str:
+def few_faces_text(smooth: Smooth) -> str:
     """Say which faces are taken as one shape although they turn by more than the crease angle; "" if none are."""
-    few = [one for one in smooth.sought.found if one.turn is not None]
+    few = [one for one in smooth.fit.shapes if one.turn is not None]
     if not few:
         return ""
     one = max(few, key=lambda shape: len(shape.faces))
-    shape, dim = one.shape, smooth.sought.patches.dim
+    shape, dim = one.shape, smooth.fit.patches.dim
     kind = _IN_PLANE.get(shape.kind, shape.kind) if dim == 1 else shape.kind
     size = f"half angle {np.degrees(shape.size[0]):.6g} degrees" if kind == "cone" else f"radius {shape.size[0]:.6g}"
     others = f" (and {len(few) - 1:,} more such parts)" if len(few) > 1 else ""
@@ -148,11 +148,11 @@ def few_in_words(smooth: Smooth) -> str:
     )
 
 
-def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
+def shapes_text(shapes: Iterable[Mapping[str, Any]]) -> str:
     """Summarise shapes, given as for JSON, in one line: the first few curved ones, and the number of planes.
 
     >>> flat, curved = (FittedShape(shape, np.arange(3), 5).as_dict() for shape in ("plane", "free form"))
-    >>> in_words([flat, curved])
+    >>> shapes_text([flat, curved])
     'free form, 5 nodes; 1 plane'
     """
     shapes = list(shapes)
@@ -170,8 +170,8 @@ def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
 
 
 def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
-    dim = smooth.sought.patches.dim
-    for one in smooth.sought.found:
+    dim = smooth.fit.patches.dim
+    for one in smooth.fit.shapes:
         kind = one.shape.kind
         size = one.shape.size.tolist()
         axis, centre = _placed(smooth, one)
@@ -191,7 +191,7 @@ def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
 
 def _placed(smooth: Smooth, one: FoundShape) -> tuple[Floats, Floats]:
     """Axis and centre of a shape, normalised so that they do not depend on how it was found."""
-    patches, shape = smooth.sought.patches, one.shape
+    patches, shape = smooth.fit.patches, one.shape
     axis, centre = shape.axis, shape.centre
     if shape.kind == "plane":
         outward = patches.area[one.faces] @ patches.normal[one.faces]
@@ -207,13 +207,13 @@ def _placed(smooth: Smooth, one: FoundShape) -> tuple[Floats, Floats]:
 
 
 def _free(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
-    sought = smooth.sought
+    fit = smooth.fit
     lacking = smooth.heights[1]
-    patch = sought.patches.patch
-    rows = np.flatnonzero(sought.free)
+    patch = fit.patches.patch
+    rows = np.flatnonzero(fit.free)
     rows = rows[np.argsort(patch[rows], kind="stable")]
     for faces in np.split(rows, np.flatnonzero(np.diff(patch[rows])) + 1) if len(rows) else []:
-        node = sought.patches.node[faces]
+        node = fit.patches.node[faces]
         cells = cells_of(smooth, surface, faces)
         yield FittedShape("free form", cells, len(np.unique(node[node >= 0])), no_height=int(lacking[faces].sum()))
 
@@ -240,13 +240,13 @@ class Faceted(NamedTuple):
 def faceted(smooth: Smooth, surface: Surface) -> Faceted:
     """Find faces of free form that have no fit or a doubtful one, or turn by more than a 16th of a circle."""
     turn, lacking = _turns(smooth), _lacking(smooth)
-    free = smooth.sought.free
+    free = smooth.fit.free
     cells = cells_of(smooth, surface, np.flatnonzero(free & ((turn > _COARSE) | (smooth.doubt > DOUBTFUL)) | lacking))
     doubt = float(smooth.doubt.max(initial=0.0))
     return Faceted(cells, float(np.degrees(turn[free].max(initial=0.0))), int(lacking.sum()), doubt)
 
 
-def doubt_in_words(doubt: float) -> str:
+def doubt_text(doubt: float) -> str:
     """Say how far gaps to a curved skin may be off, over the size of a face; after `its` or `their`."""
     return f"curvature changes within few faces, so that gaps may be off by {doubt:.2g} of a face's size"
 
@@ -260,13 +260,13 @@ def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angl
     smooth = smooth_of(mesh, surface, crease_angle)
     turn = _turns(smooth)
     if how == "smooth":
-        return turn[smooth.sought.free & (turn > _COARSE) | _lacking(smooth)]
+        return turn[smooth.fit.free & (turn > _COARSE) | _lacking(smooth)]
     return turn[turn > 0]
 
 
 def _turns(smooth: Smooth) -> NDArray[np.floating]:
     """(k,): largest angle (radians) between a linear parent and a neighbour joined to it without a crease."""
-    patches = smooth.sought.patches
+    patches = smooth.fit.patches
     i, j = patches.joints.i, patches.joints.j
     out = np.zeros(len(patches.normal))
     angle = np.arccos(np.clip((patches.normal[i] * patches.normal[j]).sum(axis=1), -1.0, 1.0))
@@ -277,7 +277,7 @@ def _turns(smooth: Smooth) -> NDArray[np.floating]:
 
 def _lacking(smooth: Smooth) -> Bools:
     """(k,): True for linear parents of free form that have a neighbour but no fit."""
-    patches, free = smooth.sought.patches, smooth.sought.free
+    patches, free = smooth.fit.patches, smooth.fit.free
     i, j = patches.joints.i, patches.joints.j
     both = free[i] & free[j]
     joined = np.zeros(len(free), bool)

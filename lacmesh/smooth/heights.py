@@ -14,7 +14,7 @@ from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.smooth.find import FoundShape, Sought, find_shapes, numbers_of, shapes_of_few
+from lacmesh.smooth.find import FoundShape, PatchFit, find_shapes, numbers_of, shapes_of_few
 from lacmesh.smooth.local import centre_heights, cubic_heights, edge_heights
 from lacmesh.smooth.parents import Bools, Parents, SmoothPatches, are_straight, by_corners, inverse, parents_of
 from lacmesh.smooth.shape import Shape
@@ -32,22 +32,22 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
-    """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
+    """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `fit`.
 
-    The coordinates of `sought` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
+    The coordinates of `fit` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
     (`lacmesh.smooth.find`) that a linear parent is on; else -1.
     """
 
     parents: Parents
     rows: Ints
     origin: Floats
-    sought: Sought
+    fit: PatchFit
     taken: Ints
 
     @property
     def heights(self) -> tuple[Floats, Bools]:
         """(k, 8): heights over the linear parents; (k,): True for parents without a fit at some edge."""
-        return self._found[:2]
+        return self._computed[:2]
 
     @property
     def doubt(self) -> Floats:
@@ -55,11 +55,11 @@ class Smooth:
 
         That is how much they hang on the order of the fits, or what is left between two shapes that touch inside.
         """
-        return self._found[2]
+        return self._computed[2]
 
     @cached_property
-    def _found(self) -> tuple[Floats, Bools, Floats]:
-        return _heights(self.sought, self.parents.faces.n_corners[self.rows])
+    def _computed(self) -> tuple[Floats, Bools, Floats]:
+        return _heights(self.fit, self.parents.faces.n_corners[self.rows])
 
 
 def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
@@ -110,7 +110,7 @@ def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Float
     parent misses these by h^4.
     """
     value, lean = height.value.copy(), height.slopes_at_nodes
-    of, shapes = smooth.parents.of, smooth.sought.found
+    of, shapes = smooth.parents.of, smooth.fit.shapes
     cut, source = np.bincount(of)[of] > 1, _sources(smooth)[of]
     for number, code in np.unique(np.stack([source, surface.faces.type], axis=1)[source >= 0], axis=0):
         rows, name = np.flatnonzero((source == number) & (surface.faces.type == code)), FACE_TYPES[code]
@@ -132,8 +132,8 @@ def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Float
 def _sources(smooth: Smooth) -> Ints:
     """(p,): the number of the curved shape that each parent is on; their number for one with fits; -1 for others."""
     out = np.full(len(smooth.parents.faces), -1)
-    out[smooth.rows[smooth.sought.fitted]] = len(smooth.sought.found)
-    for number, one in enumerate(smooth.sought.found):
+    out[smooth.rows[smooth.fit.fitted]] = len(smooth.fit.shapes)
+    for number, one in enumerate(smooth.fit.shapes):
         if one.shape.kind != "plane":
             out[smooth.rows[one.faces]] = number
     return out
@@ -141,7 +141,7 @@ def _sources(smooth: Smooth) -> Ints:
 
 def _fitted_normals(smooth: Smooth, rows: Ints, name: str, X: Floats) -> NDArray[np.floating]:
     """(p, k, 3): normals at points X (k, dim) of faces (p,) of a type, interpolated from fits at parents' corners."""
-    parents, whole = smooth.parents, smooth.sought.whole
+    parents, whole = smooth.parents, smooth.fit.whole
     mother = parents.of[rows]
     corner = whole.node[np.searchsorted(smooth.rows, mother)]
     out = np.zeros((len(rows), len(X), 3))
@@ -152,7 +152,7 @@ def _fitted_normals(smooth: Smooth, rows: Ints, name: str, X: Floats) -> NDArray
             "kn,pnd->pkd", shape(CELLS[name].linear, X), parents.corner[rows[some], : CELLS[name].n_corners]
         )
         N = shape(parent.name, place.reshape(-1, 2)[:, : parent.dim]).reshape(len(some), len(X), -1)
-        out[some] = np.einsum("pkn,pns->pks", N, smooth.sought.fits.normal[corner[some, : parent.n_corners]])
+        out[some] = np.einsum("pkn,pns->pks", N, smooth.fit.fits.normal[corner[some, : parent.n_corners]])
     return out
 
 
@@ -189,34 +189,36 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) ->
     return value
 
 
-def _heights(sought: Sought, corners: Ints) -> tuple[Floats, Bools, Floats]:
+def _heights(fit: PatchFit, corners: Ints) -> tuple[Floats, Bools, Floats]:
     """(f, 8): heights over the faces; (f,): True for free form without a fit at some edge; (f,): as `Smooth.doubt`.
 
     `corners` (f,): their number.
     """
     four = corners == 4
-    patches, sides = sought.whole, NodeShapes.of(sought)
+    patches, sides = fit.whole, NodeShapes.of(fit)
     n = len(patches.patch)
     value, lacking, doubt = np.zeros((n, _OVER)), np.zeros(n, bool), np.zeros(n)
     face, k, i, j = patches.edges()
-    free = np.flatnonzero(sought.free[face])
-    value[face[free], k[free]], known = edge_heights(sought.fits, patches.x, i[free], j[free])
-    centre = np.flatnonzero(four & sought.free)
-    value[centre, 4] = centre_heights(sought.fits, patches.x, patches.node[centre])
+    free = np.flatnonzero(fit.free[face])
+    value[face[free], k[free]], known = edge_heights(fit.fits, patches.x, i[free], j[free])
+    centre = np.flatnonzero(four & fit.free)
+    value[centre, 4] = centre_heights(fit.fits, patches.x, patches.node[centre])
     differ = np.zeros(len(face))
-    differ[free] = np.abs(value[face[free], k[free]] - edge_heights(sought.rough, patches.x, i[free], j[free])[0])
+    differ[free] = np.abs(value[face[free], k[free]] - edge_heights(fit.rough, patches.x, i[free], j[free])[0])
     differ[free[~known]] = 0.0
-    asked = np.flatnonzero((sought.free | sides.loose)[face])
-    over, between, left = heights_between(sought, sides, i[asked], j[asked], patches.edge_normal[face[asked], k[asked]])
-    split = asked[between]
+    wanted = np.flatnonzero((fit.free | sides.loose)[face])
+    over, between, left = heights_between(
+        fit, sides, i[wanted], j[wanted], patches.edge_normal[face[wanted], k[wanted]]
+    )
+    split = wanted[between]
     value[face[split], k[split]], differ[split] = over[between], left[between]
-    _split_centres(sought, sides, value, np.flatnonzero(four & (sought.free | sides.loose)))
+    _split_centres(fit, sides, value, np.flatnonzero(four & (fit.free | sides.loose)))
     length = np.linalg.norm(patches.x[j] - patches.x[i], axis=1)
     np.maximum.at(doubt, face, np.divide(differ, length, out=np.zeros_like(length), where=length > 0))
     lacking[face[np.setdiff1d(free[~known], split)]] = True
-    _set_cubics(sought, corners, value, face[split])
+    _set_cubics(fit, corners, value, face[split])
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
-    curved = [one for one in sought.found if one.shape.kind != "plane"]
+    curved = [one for one in fit.shapes if one.shape.kind != "plane"]
     of_shape = numbers_of(curved, n)
     order = np.argsort(of_shape[face], kind="stable")
     start = np.searchsorted(of_shape[face][order], np.arange(len(curved) + 1))
@@ -228,22 +230,20 @@ def _heights(sought: Sought, corners: Ints) -> tuple[Floats, Bools, Floats]:
     return value, lacking, doubt
 
 
-def _set_cubics(sought: Sought, corners: Ints, value: Floats, split: Ints) -> None:
+def _set_cubics(fit: PatchFit, corners: Ints, value: Floats, split: Ints) -> None:
     """Set the cubics of the heights (f, 8) over segments and triangles with fits, but for faces that are `split`."""
-    fitted = sought.fitted
+    fitted = fit.fitted
     fitted[split] = False
     for n, first in ((2, 1), (3, 3)):
         rows = np.flatnonzero(fitted & (corners == n))
-        cubic = cubic_heights(sought.fits, sought.whole.x, sought.whole.node[rows, :n])
+        cubic = cubic_heights(fit.fits, fit.whole.x, fit.whole.node[rows, :n])
         value[rows[:, None], first + np.arange(cubic.shape[1])] = cubic
 
 
-def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Ints) -> None:
+def _split_centres(fit: PatchFit, sides: NodeShapes, value: Floats, centre: Ints) -> None:
     """Set the heights (f, 8) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
-    node, normal = sought.whole.node[centre], sought.whole.normal[centre]
-    (one, good, _), (two, fine, _) = (
-        heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1)
-    )
+    node, normal = fit.whole.node[centre], fit.whole.normal[centre]
+    (one, good, _), (two, fine, _) = (heights_between(fit, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1))
     both = good & fine
     value[centre[both], 4] = (one + two)[both] / 2
 
@@ -261,37 +261,37 @@ _TOUCHING = 0.15
 
 
 class NodeShapes(NamedTuple):
-    """The shapes of nodes: `first` and `second` (n,) of `found` that each lies on, or -1; nodes of more have two.
+    """The shapes of nodes: `first` and `second` (n,) of `shapes` that each lies on, or -1; nodes of more have two.
 
     `loose` (f,): faces of planes without a node of their own, as one row of quadrangles between a plane and a fillet
     is: the nodes do not tell that these are planes, and have only the shapes beside them.
     """
 
-    found: tuple[FoundShape, ...]
+    shapes: tuple[FoundShape, ...]
     first: Ints
     second: Ints
     loose: Bools
 
     @classmethod
-    def of(cls, sought: Sought) -> NodeShapes:
+    def of(cls, fit: PatchFit) -> NodeShapes:
         """Return the shapes of the nodes of all patches, before shapes were grown inside them."""
-        node, n = sought.whole.node, len(sought.whole.x)
-        nodes = [np.unique(node[one.faces][node[one.faces] >= 0]) for one in sought.found]
+        node, n = fit.whole.node, len(fit.whole.x)
+        nodes = [np.unique(node[one.faces][node[one.faces] >= 0]) for one in fit.shapes]
         shared = np.zeros(n, np.int64)
         for mine in nodes:
             shared[mine] += 1
         first, second, loose = np.full(n, -1), np.full(n, -1), np.zeros(len(node), bool)
-        for number, (one, mine) in enumerate(zip(sought.found, nodes, strict=True)):
+        for number, (one, mine) in enumerate(zip(fit.shapes, nodes, strict=True)):
             if one.shape.kind == "plane" and shared[mine].min() > 1:
                 loose[one.faces] = True
                 continue
             second[mine] = np.where(first[mine] >= 0, number, -1)
             first[mine] = np.where(first[mine] >= 0, first[mine], number)
-        return cls(sought.found, first, second, loose)
+        return cls(fit.shapes, first, second, loose)
 
 
 def heights_between(
-    sought: Sought, sides: NodeShapes, i: Ints, j: Ints, normal: Floats
+    fit: PatchFit, sides: NodeShapes, i: Ints, j: Ints, normal: Floats
 ) -> tuple[NDArray[np.floating], Bools, NDArray[np.floating]]:
     """(e,): heights over the middles of chords from nodes i to j (e,) along unit normals (e, 3); (e,): True if known.
 
@@ -303,12 +303,12 @@ def heights_between(
     for one, other in ((sides.second[i], b), (a, sides.second[j]), (sides.second[i], sides.second[j])):
         same = (one == other) & (one >= 0)  # a node on two shapes: that which it shares with the other end
         a, b = np.where(same, one, a), np.where(same, other, b)
-    x = sought.whole.x
+    x = fit.whole.x
     both = np.flatnonzero((a >= 0) & (b >= 0))
-    pair = a[both] * len(sides.found) + b[both]
+    pair = a[both] * len(sides.shapes) + b[both]
     for code in np.unique(pair):
         e = both[pair == code]
-        A, B = (sides.found[k].shape for k in divmod(int(code), len(sides.found)))
+        A, B = (sides.shapes[k].shape for k in divmod(int(code), len(sides.shapes)))
         at, to = x[i[e]], x[j[e]]
         bend_a, f_b = _bend(A, at, to - at, normal[e]), _signed(B, at, normal[e])
         bend_b, f_a = _bend(B, to, to - at, normal[e]), _signed(A, to, normal[e])

@@ -46,7 +46,7 @@ class Rings(NamedTuple):
         return self.neighbour[self.start[i] : self.start[i + 1]]
 
 
-class Fits(NamedTuple):
+class LocalFits(NamedTuple):
     """Fits at nodes: `normal` (n, 3), second derivatives `H` (n, 3, 3) of the height along it, `known` (n,): fitted."""
 
     normal: Floats
@@ -54,12 +54,12 @@ class Fits(NamedTuple):
     known: Bools
 
 
-def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings, Rings]:
-    """Return the nodes of one ring, and those of two, around the nodes `asked` (n,), on faces with nodes (f, 4).
+def rings_of(node: Ints, n_nodes: int, wanted: Bools, least: int) -> tuple[Rings, Rings]:
+    """Return the nodes of one ring, and those of two, around the nodes `wanted` (n,), on faces with nodes (f, 4).
 
     Three rings are used where two have fewer nodes than `least`.
     """
-    if not asked.any():  # as of flat skins, which are most
+    if not wanted.any():  # as of flat skins, which are most
         none = Rings(np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32))
         return none, none
     from scipy.sparse import csr_matrix
@@ -73,9 +73,9 @@ def rings_of(node: Ints, n_nodes: int, asked: Bools, least: int) -> tuple[Rings,
     i, j = np.concatenate(rows), np.concatenate(columns)
     one = csr_matrix((np.ones(len(i), np.int32), (i, j)), shape=(n_nodes, n_nodes))
     one.data[:] = 1
-    mine = csr_matrix(one.multiply(asked[:, None]))
+    mine = csr_matrix(one.multiply(wanted[:, None]))
     two = _without_self(mine + mine @ one)
-    few = (np.diff(two.indptr) < least) & asked
+    few = (np.diff(two.indptr) < least) & wanted
     if few.any():
         two = _without_self(two + csr_matrix(two.multiply(few[:, None])) @ one)
     return Rings(mine.indptr, mine.indices), Rings(two.indptr, two.indices)
@@ -90,7 +90,7 @@ def _without_self(graph: Any) -> Any:
     return csr_matrix((np.ones(int(apart.sum()), np.int32), (graph.row[apart], graph.col[apart])), shape=graph.shape)
 
 
-def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 4) -> Fits:
+def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 4) -> LocalFits:
     """Fit at nodes x (n, 3), with initial normals (n, 3), by polynomials of this degree at most."""
     count = np.diff(rings.start)
     highest = 1 + np.searchsorted(LEAST[dim], count, side="right")
@@ -104,7 +104,7 @@ def local_fits(x: Floats, normal: Floats, rings: Rings, dim: int, degree: int = 
             d = x[rings.neighbour[pair]] - np.repeat(x[some], count[some], axis=0)
             for one in (*[2] * (_ROUNDS - 1), last):
                 normal[some], H[some] = _fitted(d, normal[some], count[some], begin, dim, one)
-    return Fits(normal, H, highest > 1)
+    return LocalFits(normal, H, highest > 1)
 
 
 def _fitted(d: Floats, normal: Floats, count: Ints, begin: Ints, dim: int, degree: int) -> tuple[Floats, Floats]:
@@ -160,13 +160,13 @@ def _frames(normal: Floats, dim: int) -> Floats:
     return np.stack([first, np.cross(normal, first)], axis=1)
 
 
-def edge_heights(fits: Fits, x: Floats, i: Ints, j: Ints) -> tuple[Floats, Bools]:
+def edge_heights(fits: LocalFits, x: Floats, i: Ints, j: Ints) -> tuple[Floats, Bools]:
     """(e,): heights at the midpoints of edges from nodes i to j (e,); (e,): True if at least one end has a fit."""
     kappa, known = _curvature(fits, np.stack([i, j], axis=1), x[j] - x[i])
     return _arc(kappa, np.linalg.norm(x[j] - x[i], axis=1)), known
 
 
-def centre_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
+def centre_heights(fits: LocalFits, x: Floats, node: Ints) -> Floats:
     """(f,): heights at the centres of quadrangles with nodes (f, 4), at the mean of their corners.
 
     Each is the mean of four arcs whose half chords lead from the centre to a corner, exact for a quadratic surface.
@@ -178,7 +178,7 @@ def centre_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
     return total / 4
 
 
-def cubic_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
+def cubic_heights(fits: LocalFits, x: Floats, node: Ints) -> Floats:
     """(f, k): factors of the cubics of heights over segments and triangles with nodes (f, 2 or 3), `surface.maps`.
 
     They make second derivatives linear over the face: along its edges, and of triangles at its centre too.
@@ -196,7 +196,7 @@ def cubic_heights(fits: Fits, x: Floats, node: Ints) -> Floats:
     return out
 
 
-def _curvature(fits: Fits, node: Ints, e: Floats) -> tuple[Floats, Bools]:
+def _curvature(fits: LocalFits, node: Ints, e: Floats) -> tuple[Floats, Bools]:
     """(m,): curvature along directions e (m, 3), mean over nodes (m, k), convex > 0; (m,): True if a node has a fit."""
     total, number = np.zeros(len(e)), np.zeros(len(e))
     for one in node.T:

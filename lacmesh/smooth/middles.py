@@ -54,20 +54,20 @@ def ways_to_surface(mesh: Mesh, corners: list[Ints]) -> list[NDArray[np.floating
     They are 0 inside bodies, on flat skins, and on skins without a body behind them. Edges at which the skin turns by
     more than 40 degrees are edges of the surface as well.
     """
-    asked = [_padded(one) for one in corners]
-    out = np.zeros((sum(map(len, asked)), 3))
+    wanted = [_padded(one) for one in corners]
+    out = np.zeros((sum(map(len, wanted)), 3))
     skin = _outer_skin(mesh)
     if skin is not None and len(out):
         smooth = smooth_of(mesh, skin, CREASE_ANGLE + ROUNDING)
         middles = _middles_of(smooth)
-        label, count = label_rows(np.concatenate([*asked, middles.corners]) + 1)
+        label, count = label_rows(np.concatenate([*wanted, middles.corners]) + 1)
         mine, theirs = np.split(label, [len(out)])
         order = np.argsort(theirs, kind="stable")
         first, last = (np.searchsorted(theirs[order], np.arange(count), side) for side in ("left", "right"))
         rows = np.flatnonzero(last[mine] > first[mine])
         one, two = order[first[mine[rows]]], order[last[mine[rows]] - 1]
         out[rows] = _ways(smooth, middles.take(one), middles.take(two))
-    return np.split(out, np.cumsum([len(one) for one in asked])[:-1])
+    return np.split(out, np.cumsum([len(one) for one in wanted])[:-1])
 
 
 def _padded(corners: Ints) -> Ints:
@@ -88,9 +88,9 @@ def _outer_skin(mesh: Mesh) -> Surface | None:
 
 def _middles_of(smooth: Smooth) -> _Middles:
     """Return the middles of the edges of the linear faces, and of quadrangles themselves."""
-    patches, height = smooth.sought.whole, smooth.heights[0]
+    patches, height = smooth.fit.whole, smooth.heights[0]
     corner = smooth.parents.faces.faces.corners[smooth.rows]
-    shape = numbers_of(smooth.sought.found, len(corner))
+    shape = numbers_of(smooth.fit.shapes, len(corner))
     face, k, i, j = patches.edges()
     quads = np.flatnonzero(corner[:, 3] >= 0)
     after = (k + 1) % np.maximum((corner[face] >= 0).sum(axis=1), 1)
@@ -103,7 +103,7 @@ def _middles_of(smooth: Smooth) -> _Middles:
 
 def _ways(smooth: Smooth, one: _Middles, two: _Middles) -> NDArray[np.floating]:
     """(k, 3): the ways from middles, which lie in one face each, or in two."""
-    flat = np.array([*(one.shape.kind == "plane" for one in smooth.sought.found), True])
+    flat = np.array([*(one.shape.kind == "plane" for one in smooth.fit.shapes), True])
     bent = ~flat[one.shape] | ~flat[two.shape] | (one.height != 0) | (two.height != 0)
     way = np.zeros((len(one.x), 3))
     for _ in range(_STEPS):
@@ -128,7 +128,7 @@ def _left(smooth: Smooth, side: _Middles, way: Floats) -> tuple[Floats, Floats, 
     The last (k,): True for exact shapes; a plane between two rows of nodes of curved shapes is none.
     """
     n, left, exact = side.normal.copy(), side.height - (side.normal * way).sum(axis=1), np.zeros(len(way), bool)
-    for number, one in enumerate(smooth.sought.found):
+    for number, one in enumerate(smooth.fit.shapes):
         rows = np.flatnonzero(side.shape == number)
         if one.shape.kind == "plane":
             rows = rows[side.height[rows] == 0]

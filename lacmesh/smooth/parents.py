@@ -59,8 +59,8 @@ def parents_of(mesh: Mesh, surface: Surface) -> Parents:
     """
     own = Parents(surface, np.arange(len(surface)), _REFERENCE[surface.faces.type])
     macro = _macro_of_cell(mesh)
-    asked = np.unique(macro[surface.cell])
-    children = np.flatnonzero(np.isin(macro, asked[asked >= 0]))
+    wanted = np.unique(macro[surface.cell])
+    children = np.flatnonzero(np.isin(macro, wanted[wanted >= 0]))
     if not len(children):
         return own
     missing = np.setdiff1d(children, surface.cell)
@@ -217,9 +217,7 @@ def joints_of(surface: Surface, normal: Floats, crease_angle: float, taken: Ints
     segments.
     """
     uses = edge_uses(surface.faces)
-    order = np.argsort(uses.edge, kind="stable")
-    two = np.bincount(uses.edge)[uses.edge[order]] == 2
-    a, b = order[two].reshape(-1, 2).T
+    a, b = uses.pairs
     i, j = uses.face[a], uses.face[b]
     smooth = (normal[i] * normal[j]).sum(axis=1) > np.cos(np.radians(crease_angle))
     if taken is not None:

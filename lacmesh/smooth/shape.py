@@ -133,7 +133,7 @@ ROUNDED = 1e-15
 _MORE = {1: 2, 2: 3}
 #: of the size of the nodes, how far from them the apex is of a cone that might be a sphere
 _APEX = 1e-3
-#: nodes that a shape is sought on; what is found is asked for all
+#: nodes that a shape is fitted to first; a fit to these must hold for all
 _SAMPLE = 300
 
 

@@ -63,18 +63,10 @@ class ContactPoints:
 
 
 def contact_points(
-    slave: Surface,
-    master: Surface,
-    *,
-    macro: Ints | None = None,
-    normals: str = "facet",
-    crease_angle: float | None = None,
-    search_distance: float | None = None,
-    max_penetration: float | None = None,
-    axisymmetric: bool = False,
-    degree: int = 0,
-    keeps: Bools | None = None,
-) -> ContactPoints:
+    slave: Surface, master: Surface, *, macro: Ints | None = None, normals: str = "facet",
+    crease_angle: float | None = None, search_distance: float | None = None, max_penetration: float | None = None,
+    axisymmetric: bool = False, degree: int = 0, keeps: Bools | None = None,
+) -> ContactPoints:  # fmt: skip
     """Compute the contact points of a slave surface against a master.
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a

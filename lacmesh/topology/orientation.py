@@ -257,12 +257,9 @@ def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
     if not size:
         return np.zeros(0, bool), np.zeros(0, int), np.zeros(0, int)
     uses = edge_uses(faces)
-    face, edge, forward = uses.face, uses.edge, uses.forward
-    order = np.argsort(edge, kind="stable")
-    count = np.bincount(edge)
-    pairs = order[(count == 2)[edge[order]]].reshape(-1, 2)
-    f, g = face[pairs].T
-    same = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # they disagree: as it is goes with flipped
+    a, b = uses.pairs
+    f, g = uses.face[a], uses.face[b]
+    same = uses.forward[a] == uses.forward[b]  # they disagree: as it is goes with flipped
     rows = np.concatenate([f, f + size])
     columns = np.concatenate([g + size * same, g + size * ~same])
     sheet = label_components(rows, columns, 2 * size).reshape(2, size)
@@ -271,7 +268,7 @@ def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
     over = sheet[0] != sheet.min(axis=0)
     one_sided = mask_of(n_pieces, piece[sheet[0] == sheet[1]])
     closed = ~one_sided
-    closed[piece[face[count[edge] != 2]]] = False
+    closed[piece[uses.face[np.bincount(uses.edge)[uses.edge] != 2]]] = False
     enclosed = np.bincount(piece, _signed_volume(mesh, faces) * np.where(over, -1, 1), n_pieces)
     if mesh.space_dim == 3 and N_CORNERS[faces.type[0]] == 2:  # a loop in space encloses nothing
         closed[:] = False

@@ -28,6 +28,10 @@ FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
 N_CORNERS = np.array([CELLS[name].n_corners for name in FACE_TYPES])
 N_NODES = np.array([CELLS[name].n_nodes for name in FACE_TYPES])
+_WHOLE = {
+    kind: (Facet(kind, *(tuple(range(n)) for n in (CELLS[kind].n_nodes, CELLS[kind].n_corners))),)
+    for kind in FACE_TYPES
+}
 
 
 @dataclass(frozen=True)
@@ -87,10 +91,6 @@ class FaceIncidence:
     def take(self, rows: Ints) -> FaceIncidence:
         """Some of the pairs."""
         return FaceIncidence(self.face[rows], self.cell[rows], self.facet[rows], self.same[rows])
-
-    def by_cell(self) -> FaceIncidence:
-        """All pairs, sorted by cell."""
-        return self.take(np.argsort(self.cell, kind="stable"))
 
 
 # ---- rows of nodes that are equal
@@ -189,8 +189,7 @@ def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: 
 
 def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
     """Find the cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells`: as `find_owners`."""
-    whole = {kind: (Facet(kind, tuple(range(CELLS[kind].n_nodes))),) for kind in FACE_TYPES}
-    return _match(faces, cells, n_nodes, lambda cell: whole.get(cell.name, ()))
+    return _match(faces, cells, n_nodes, lambda cell: _WHOLE.get(cell.name, ()))
 
 
 def _match(
@@ -204,32 +203,26 @@ def _match(
     for kind, nodes, ids in cells:
         if kind not in CELLS or not (of_cell := sides(CELLS[kind])):
             continue
-        least = min(CELLS[side.type].n_corners for side in of_cell)
+        least = min(len(side.corners) for side in of_cell)
         near = concatenated(  # in pieces that stay in the cache
-            start + np.flatnonzero(_count(touched, nodes[start : start + PIECE, : CELLS[kind].n_corners]) >= least)
+            start + np.flatnonzero(sum(touched[column].view(np.int8) for column in corners.T) >= least)
             for start in range(0, len(nodes), PIECE)
+            for corners in [nodes[start : start + PIECE, : CELLS[kind].n_corners]]
         )
         close = nodes[near]
         for j, side in enumerate(of_cell):
-            hit = np.flatnonzero(touched[close[:, side.nodes[: CELLS[side.type].n_corners]]].all(axis=1))
+            hit = np.flatnonzero(touched[close[:, side.corners]].all(axis=1))
             parts.append((side.type, close[hit][:, side.nodes], ids[near[hit]], j))
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = concatenated(i for _, _, i, _ in parts)
     facet = concatenated(np.full(len(i), j) for _, _, i, j in parts)
-    labels, count = label_faces(Faces.stack([faces, candidates]))
+    labels, count = label_rows(np.sort(np.vstack([faces.corners, candidates.corners]), axis=1))
     face = places_of(labels[: len(faces)], count)[labels[len(faces) :]]
     hits = np.flatnonzero(face >= 0)
     hits = hits[np.lexsort((ids[hits], face[hits]))]
     same = candidates.type[hits] == faces.type[face[hits]]
     same &= (np.sort(candidates.nodes[hits], axis=1) == np.sort(faces.nodes[face[hits]], axis=1)).all(axis=1)
     return FaceIncidence(face[hits], ids[hits], facet[hits], same)
-
-
-def _count(touched: Bools, corners: Ints) -> NDArray[np.uint8]:
-    count = np.zeros(len(corners), np.uint8)
-    for column in corners.T:
-        count += touched[column]
-    return count
 
 
 # ---- cells of a mesh as faces
@@ -302,6 +295,13 @@ class EdgeUses(NamedTuple):
     start: Ints
     stop: Ints
     forward: Bools
+
+    @property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """(p,), (p,): the rows of the two faces at each edge that has exactly two."""
+        order = np.argsort(self.edge, kind="stable")
+        first, second = order[np.bincount(self.edge)[self.edge[order]] == 2].reshape(-1, 2).T
+        return first, second
 
 
 def edge_uses(faces: Faces) -> EdgeUses:

@@ -15,7 +15,7 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.reference.quadrature import rule
-from lacmesh.smooth import DOUBTFUL, doubt_in_words, told_of_few
+from lacmesh.smooth import DOUBTFUL, doubt_text, few_faces_text_of
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import normals_of
 from lacmesh.topology.skin import FACE_TYPES
@@ -208,7 +208,7 @@ def _warn_of_skins(space: Space, record: Contact, zone: Zone) -> None:
     """Warn of skins of a contact that are taken as round over creases, and of those whose height is doubtful."""
     for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
         where = f"contact {record.name!r}: {side} {group!r}: "
-        if message := told_of_few(space.local, skin, record.crease_angle):
+        if message := few_faces_text_of(space.local, skin, record.crease_angle):
             message += "; give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
             warnings.warn(LacmeshWarning(where + named(message, "few-faces")), stacklevel=4)
         if message := _doubtful(space, skin):
@@ -224,6 +224,6 @@ def _doubtful(space: Space, skin: Surface) -> str:
     middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
     place = ", ".join(space.told(middle + space.origin[: space.dim]))
     return (
-        f"its {doubt_in_words(float(doubt[worst]))} near ({place}), which is worth as great a part of Young's modulus "
+        f"its {doubt_text(float(doubt[worst]))} near ({place}), which is worth as great a part of Young's modulus "
         "in the pressure; refine it there, put nodes on the line where two shapes touch, or take quadratic cells"
     )

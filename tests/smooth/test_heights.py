@@ -126,8 +126,8 @@ def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     mesh = rolled(skins.sphere, 7, kind)
     faces = whole(mesh)
     smooth = smooth_of(mesh, faces, 40.0)
-    assert smooth.sought.free.all()
-    patches = smooth.sought.patches
+    assert smooth.fit.free.all()
+    patches = smooth.fit.patches
     value, lacking = smooth.heights
     face, k, i, j = patches.edges()
     chord = np.linalg.norm(patches.x[i] - patches.x[j], axis=1)
