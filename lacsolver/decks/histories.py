@@ -7,7 +7,7 @@ its value in later steps. With an amplitude it is the factor of the amplitude ti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,73 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, concatenated, mask_of
 from lacsolver.case.value import interpolate
-from lacsolver.decks.cards import Refused
-from lacsolver.decks.content import Amplitude, Assigned, DeckContent, DeckStep
+from lacsolver.decks.cards import Card, DeckLine, Refused
 
 Points = list[tuple[float, float]]
 #: part of a step in which a value jumps
 JUMP = 1e-9
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """Factor ((time, value), ...) of loads, over the time of the step or of the whole analysis (`total`)."""
+
+    rows: tuple[tuple[float, float], ...]
+    total: bool
+
+
+@dataclass
+class DeckStep:
+    """A step: when it begins and how long it takes, its increments, and how loads without amplitude grow.
+
+    `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
+    `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
+    for; such a step takes no time, and goes at its end. `changes`: the last card in it of each that begins a change of
+    a surface interaction.
+    """
+
+    card: Card
+    begin: float
+    procedure: Card | None = None
+    period: float = 1.0
+    increment: float = 1.0
+    largest: float = 0.0
+    direct: bool = False
+    large: bool = False
+    sudden: bool = False
+    alpha: float | None = None
+    modes: int = 0
+    changes: dict[str, Card] = field(default_factory=dict)
+
+    @property
+    def origin(self) -> Card:
+        """The card of the procedure, or that of the step if it has none."""
+        return self.procedure or self.card
+
+    @property
+    def end(self) -> float:
+        """Time at which the step ends."""
+        return self.begin + self.period
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """One line of a load, a support or a temperature: `value` on components of some items in a step.
+
+    `items`: nodes, facets or cells (indices); `step`: -1 for the model's; `data`: numbers beside the value, such as the
+    axis of a centrifugal load.
+    """
+
+    kind: str
+    step: int
+    name: str
+    items: Ints
+    components: tuple[int, ...]
+    value: float
+    amplitude: Amplitude | None
+    card: Card
+    row: DeckLine
+    data: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +93,43 @@ class Orders:
     index of the first line that names an item.
     """
 
+    steps: Sequence[DeckStep]
     items: Ints
     value: Floats
     amplitude: Ints
-    amplitudes: tuple[str, ...]
+    amplitudes: tuple[Amplitude, ...]
     lines: tuple[Assigned, ...]
     first: Ints
+
+    @classmethod
+    def of(cls, lines: Sequence[Assigned], steps: Sequence[DeckStep], n_components: int, adds: bool) -> Orders:
+        """Return the orders of lines of one kind, in their order.
+
+        `adds`: lines of one step for the same item add, as loads do; else the last one counts. Raises Refused if those
+        that add have several amplitudes.
+        """
+        items = np.unique(concatenated(line.items for line in lines))
+        shape = (max(len(steps), 1), n_components, len(items))
+        value, amplitude = np.full(shape, np.nan), np.full(shape, -1)
+        amplitudes = tuple(dict.fromkeys(line.amplitude for line in lines if line.amplitude))
+        first = np.full(len(items), len(lines))
+        for number, line in enumerate(lines):
+            at = np.searchsorted(items, line.items)
+            first[at] = np.minimum(first[at], number)
+            index = amplitudes.index(line.amplitude) if line.amplitude else -1
+            for component in line.components:
+                own, which = value[max(line.step, 0), component], amplitude[max(line.step, 0), component]
+                again = ~np.isnan(own[at]) & adds
+                if (which[at][again] != index).any():
+                    raise Refused("it adds to a load with another amplitude; give both the same amplitude", line.row)
+                own[at] = np.where(again, own[at], 0.0) + line.value
+                which[at] = index
+        return cls(steps, items, value, amplitude, amplitudes, tuple(lines), first)
+
+    @property
+    def given(self) -> NDArray[np.bool_]:
+        """Mask (components, k), True where a step says something."""
+        return np.asarray(~np.isnan(self.value).all(axis=0))
 
     def line_of(self, at: int, component: int | None = None) -> Assigned:
         """Return the first line that names the item with index `at` in `items`, and a component of it."""
@@ -46,35 +138,73 @@ class Orders:
         item = self.items[at]
         return next(one for one in self.lines if component in one.components and item in one.items)
 
+    def history(self, item: int, component: int, start: float = 0.0) -> Points | None:
+        """Return the history of one component of an item, None if the steps say nothing of it. Raises Refused."""
+        at = int(np.searchsorted(self.items, item))
+        if at == len(self.items) or self.items[at] != item or not self.given[component, at]:
+            return None
+        chosen = mask_of(self.value.shape[1], component)
+        return self._histories(at, chosen, self.line_of(at), start)[component]
 
-def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: bool) -> Orders:
-    """Return the orders of lines of one kind, in their order.
+    def parts(self, *, once: bool) -> Iterator[tuple[Assigned, dict[int, Points]]]:
+        """Yield items with the history of each component, which cover every order: whole sets first, then the rest.
 
-    `adds`: lines of one step for the same item add, as loads do; else the last one counts. Raises Refused if those that
-    add have several amplitudes.
-    """
-    items = np.unique(concatenated(line.items for line in lines))
-    shape = (max(n_steps, 1), n_components, len(items))
-    value, amplitude = np.full(shape, np.nan), np.full(shape, -1)
-    names = tuple(dict.fromkeys(line.amplitude for line in lines if line.amplitude))
-    first = np.full(len(items), len(lines))
-    for number, line in enumerate(lines):
-        at = np.searchsorted(items, line.items)
-        first[at] = np.minimum(first[at], number)
-        index = names.index(line.amplitude) if line.amplitude else -1
-        for component in line.components:
-            own, which = value[max(line.step, 0), component], amplitude[max(line.step, 0), component]
-            again = ~np.isnan(own[at]) & adds
-            if (which[at][again] != index).any():
-                raise Refused("it adds to a load with another amplitude; give both the same amplitude", line.row)
-            own[at] = np.where(again, own[at], 0.0) + line.value
-            which[at] = index
-    return Orders(items, value, amplitude, names, tuple(lines), first)
+        They are the items of the line that names them first, or of one like it without a name.
+
+        `once`: each component of an item is in one part only, as loads must be; supports may be in several.
+        Raises Refused for a history that a case cannot have.
+        """
+        given, left = self.given, self.given
+        for line in reversed({line.name: line for line in reversed(self.lines) if line.name}.values()):
+            at = np.searchsorted(self.items, line.items)
+            some = given[:, at].all(axis=1) & self._uniform(at)
+            some &= left[:, at].all(axis=1) if once else left[:, at].any(axis=1)
+            if some.any():
+                left[np.ix_(some, at)] = False
+                yield line, self._histories(int(at[0]), some, line)
+        yield from self._others(left)
+
+    def _uniform(self, at: Ints) -> NDArray[np.bool_]:
+        """Return a mask (components,), True where all items at `at` have the same orders in all steps."""
+        value, amplitude = self.value[:, :, at], self.amplitude[:, :, at]
+        same = (value == value[:, :, :1]) | (np.isnan(value) & np.isnan(value[:, :, :1]))
+        return np.asarray((same & (amplitude == amplitude[:, :, :1])).all(axis=(0, 2)))
+
+    def _others(self, left: NDArray[np.bool_]) -> Iterator[tuple[Assigned, dict[int, Points]]]:
+        """Yield the items that no set has covered, split by their histories."""
+        rest = np.flatnonzero(left.any(axis=0))
+        if not len(rest):
+            return
+        value = np.where(left[None], self.value, np.nan)[:, :, rest]
+        which, first = same_columns(value, self.amplitude[:, :, rest])
+        for k in np.argsort(first).tolist():
+            at = rest[which == k]
+            line = self.line_of(at[0])
+            yield replace(line, name="", items=self.items[at]), self._histories(int(at[0]), left[:, at[0]], line)
+
+    def _histories(
+        self, at: int, components: NDArray[np.bool_], line: Assigned, start: float = 0.0
+    ) -> dict[int, Points]:
+        """Return the histories of some components of one item. Raises Refused, at the line that they begin with."""
+        histories = {}
+        for c in np.flatnonzero(components).tolist():
+            factors = [self.amplitudes[k] if k >= 0 else None for k in self.amplitude[:, c, at].tolist()]
+            try:
+                histories[c] = _history(self.steps, self.value[:, c, at], factors, start)
+            except Refused as refused:
+                raise Refused(refused.message, refused.row or line.row) from None
+        return histories
 
 
-def history(
-    steps: Sequence[DeckStep], value: Floats, amplitude: Sequence[Amplitude | None], start: float = 0.0
-) -> Points:
+def same_columns(value: Floats, amplitude: Ints) -> tuple[Ints, Ints]:
+    """Return a number (k,) for each item, the same for equal orders (..., k), and the first item of each number."""
+    table = np.concatenate([np.nan_to_num(value, nan=np.inf), amplitude.astype(float)])
+    columns = table.reshape(-1, value.shape[-1]).T
+    _, first, which = np.unique(columns, axis=0, return_index=True, return_inverse=True)
+    return which.ravel(), first
+
+
+def _history(steps: Sequence[DeckStep], value: Floats, amplitude: Sequence[Amplitude | None], start: float) -> Points:
     """Return the history ((t, v), ...) of one component: `value` (steps,), NaN where a step says nothing.
 
     `amplitude`: that of each step; `start`: the value at time 0. Raises Refused for a load whose amplitude counts the
@@ -104,8 +234,7 @@ def _sampled(step: DeckStep, value: float, amplitude: Amplitude) -> Points:
     """Return the factors of an amplitude over a step, times a value."""
     origin = 0.0 if amplitude.total else step.begin
     inside = [t + origin for t, _ in amplitude.rows if step.begin < t + origin < step.end]
-    times = [step.begin, *inside, step.end]
-    return [(t, value * interpolate(amplitude.rows, t - origin)) for t in times]
+    return [(t, value * interpolate(amplitude.rows, t - origin)) for t in (step.begin, *inside, step.end)]
 
 
 def written(points: Points, end: float, start: float = 0.0) -> Any:
@@ -129,73 +258,17 @@ def written(points: Points, end: float, start: float = 0.0) -> Any:
     return [list(row) for row in kept]
 
 
-def parts_of(deck: DeckContent, orders: Orders, *, once: bool) -> Iterator[tuple[Assigned, dict[int, Points]]]:
-    """Yield items with the history of each component, which cover every order: whole sets with one, then what is left.
-
-    They are the items of the line that names them first, or of one like it without a name.
-
-    `once`: each component of an item is in one part only, as loads must be; supports may be in several.
-    Raises Refused for a history that a case cannot have.
-    """
-    given: NDArray[np.bool_] = np.asarray(~np.isnan(orders.value).all(axis=0))
-    left = given.copy()
-    for line in _first_of_sets(orders.lines):
-        at = np.searchsorted(orders.items, line.items)
-        some = given[:, at].all(axis=1) & _uniform(orders, at)
-        some &= left[:, at].all(axis=1) if once else left[:, at].any(axis=1)
-        if some.any():
-            left[np.ix_(some, at)] = False
-            yield line, _histories(deck, orders, int(at[0]), some, line)
-    yield from _others(deck, orders, left)
+def scaled(value: Any, factor: float) -> Any:
+    """Return a value of a case, a number or a table of times, times a factor."""
+    return [[t, v * factor] for t, v in value] if isinstance(value, list) else value * factor
 
 
-def _first_of_sets(lines: Sequence[Assigned]) -> list[Assigned]:
-    """Return the first line of each set, by its name; numbers have none."""
-    return list({line.name: line for line in reversed(lines) if line.name}.values())[::-1]
-
-
-def _uniform(orders: Orders, at: Ints) -> NDArray[np.bool_]:
-    """Return a mask (components,), True where all items at `at` have the same orders in all steps."""
-    value, amplitude = orders.value[:, :, at], orders.amplitude[:, :, at]
-    same = (value == value[:, :, :1]) | (np.isnan(value) & np.isnan(value[:, :, :1]))
-    return np.asarray((same & (amplitude == amplitude[:, :, :1])).all(axis=(0, 2)))
-
-
-def _others(deck: DeckContent, orders: Orders, left: NDArray[np.bool_]) -> Iterator[tuple[Assigned, dict[int, Points]]]:
-    """Yield the items that no set has covered, split by their histories."""
-    rest = np.flatnonzero(left.any(axis=0))
-    if not len(rest):
-        return
-    value = np.where(left[None], orders.value, np.nan)[:, :, rest]
-    table = np.concatenate([np.nan_to_num(value, nan=np.inf), orders.amplitude[:, :, rest].astype(float)])
-    _, first, which = np.unique(table.reshape(-1, len(rest)).T, axis=0, return_index=True, return_inverse=True)
-    for k in np.argsort(first).tolist():
-        at = rest[which.ravel() == k]
-        line = orders.line_of(at[0])
-        histories = _histories(deck, orders, int(at[0]), left[:, at[0]], line)
-        yield replace(line, name="", items=orders.items[at]), histories
-
-
-def _histories(
-    deck: DeckContent, orders: Orders, at: int, components: NDArray[np.bool_], line: Assigned, start: float = 0.0
-) -> dict[int, Points]:
-    """Return the histories of some components of one item. Raises Refused, at the line that they begin with."""
-    tables: list = [deck.amplitudes[name] for name in orders.amplitudes]
-    histories = {}
-    for c in np.flatnonzero(components).tolist():
-        value: Floats = orders.value[:, c, at]
-        factors = [tables[k] if k >= 0 else None for k in orders.amplitude[:, c, at].tolist()]
-        try:
-            histories[c] = history(deck.steps, value, factors, start)
-        except Refused as refused:
-            raise Refused(refused.message, refused.row or line.row) from None
-    return histories
-
-
-def history_of(deck: DeckContent, orders: Orders, item: int, component: int, start: float = 0.0) -> Points | None:
-    """Return the history of one component of an item, None if the steps say nothing of it. Raises Refused."""
-    at = int(np.searchsorted(orders.items, item))
-    if at == len(orders.items) or orders.items[at] != item or np.isnan(orders.value[:, component, at]).all():
-        return None
-    chosen = mask_of(orders.value.shape[1], component)
-    return _histories(deck, orders, at, chosen, orders.line_of(at), start)[component]
+def from_step_on(values: dict[int, float], steps: Sequence[DeckStep]) -> list[list[float]]:
+    """Return a table of times for values, each from a step on, and -1 for the model's, which jump as a step begins."""
+    now = [values[max(k for k in values if k <= number)] for number in range(len(steps))]
+    points = [(0.0, now[0] if now else values[-1])]
+    for step, value in zip(steps, now, strict=True):
+        if value != points[-1][1]:
+            points.append((step.begin + JUMP * step.period, value))
+        points.append((step.end, value))
+    return [list(point) for point in points]

@@ -11,7 +11,7 @@ from lacmesh import Mesh, write
 from lacmesh.errors import LacmeshError
 from lacsolver import CaseError, parse_case
 from lacsolver.cli import main
-from lacsolver.decks.table import LACKS, NOTES, PROCEDURES, READ
+from lacsolver.decks.table import HANDLERS, LACKS, NOTES, PROCEDURES
 from tests import REPOSITORY
 from tests.formats.decks import two
 from tests.fuzz.mutate import mutated
@@ -309,9 +309,9 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
 def test_the_table_and_the_page_have_each_card_once():
     page = " ".join((REPOSITORY / "docs" / "import.md").read_text().split())
     named = {"".join(name.split()) for name in re.findall(r"\*([A-Z][A-Z -]*[A-Z])", page)}
-    every = [*READ, *NOTES, *LACKS, *PROCEDURES]
+    every = [*HANDLERS, *NOTES, *LACKS, *PROCEDURES]
     assert len(every) == len(set(every))
-    assert READ.keys() <= named <= {*every, "NODE", "NSET", "ELSET"}
+    assert HANDLERS.keys() <= named <= {*every, "NODE", "NSET", "ELSET"}
 
 
 def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
