@@ -77,12 +77,16 @@ def import_(
     lenient: Annotated[
         bool, Option(help="leave out cards that lacsolver has no place for, instead of refusing")
     ] = False,
+    partial: Annotated[
+        bool, Option(help="leave out all that lacsolver does not take, with a warning for each, and import the rest")
+    ] = False,
     force: Force = False,
     run: Run,
 ) -> None:
     """Write the mesh and the case file of a deck of CalculiX or Abaqus (.inp).
 
     $ lacsolver import punch.inp
+    $ lacsolver import engine.inp --partial
     $ lacsolver import model.inp --lenient -o model.toml
     """
     import lacmesh
@@ -95,7 +99,7 @@ def import_(
         run.will_write(place, force=force)
     stage = Stages(run)
     with stage("read"):
-        imported = import_deck(deck, path, lenient=lenient)
+        imported = import_deck(deck, path, lenient=lenient, partial=partial)
     with stage("write"):
         lacmesh.write(path.with_suffix(".med"), imported.mesh, force=force)
         replace_file(path, imported.text.encode())

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lacmesh.deck import key_of
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Card, Refused
@@ -14,7 +15,7 @@ from lacsolver.decks.import_ import AXES, DeckRigid, Import
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
-_POINTS = ("SPRING1", "MASS", "ROTARYI", "DCOUP3D")
+_POINTS = ("SPRING1", "MASS", "ROTARYI")
 _PAIRS = ("SPRING2", "SPRINGA")
 _VARIANTS = {
     "R": "reduced integration",
@@ -30,6 +31,8 @@ def element(import_: Import, card: Card) -> None:
     solid = _SOLIDS.fullmatch(name)
     if name in _PAIRS:
         import_.spring_types.add(name)
+    elif name == "DCOUP3D":
+        import_.couplers.add(key_of(card.options.get("ELSET", "")))
     elif solid is None and name not in _POINTS:
         raise Refused(
             "lacsolver computes solid elements (C3D, CPS, CPE, CAX), springs (SPRING1, SPRING2, SPRINGA) and masses of "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -88,9 +88,20 @@ class DeckLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Card:
-    """A card of a deck, with its options and data lines as numbers and names."""
+    """A card of a deck, with its options and its data lines `rows`, as numbers and names."""
 
     of: DeckCard
+    rows: tuple[DeckLine, ...]
+
+    @classmethod
+    def from_deck(cls, card: DeckCard) -> Card:
+        """Return a card with all its data lines."""
+        return cls(card, tuple(map(DeckLine.of, card.data)))
+
+    @property
+    def lines(self) -> list[Card]:
+        """The card once for each of its data lines; itself if it has none."""
+        return [replace(self, rows=(row,)) for row in self.rows] or [self]
 
     @property
     def key(self) -> str:
@@ -101,11 +112,6 @@ class Card:
     def options(self) -> Mapping[str, str]:
         """Values of the options as written, by name in capitals without blanks."""
         return {name.replace(" ", ""): value for name, value in self.of.options.items()}
-
-    @cached_property
-    def rows(self) -> tuple[DeckLine, ...]:
-        """The data lines."""
-        return tuple(DeckLine.of(line) for line in self.of.data)
 
     def word(self, name: str, default: str = "") -> str:
         """Return the value of an option in capitals without blanks; the default if the card does not have it."""
@@ -128,9 +134,9 @@ class Card:
         return self.rows[0]
 
     def single(self, what: str) -> DeckLine:
-        """Return the only data line. Raises Refused if there is none, or more, for other temperatures."""
+        """Return the only data line, or the first of equal ones. Raises Refused for values of several temperatures."""
         row = self.first(what)
-        if len(self.rows) > 1:
+        if len({one.fields[:-1] for one in self.rows}) > 1:
             raise Refused(f"{what} that depend on temperature are not taken; give one line", self.rows[1])
         return row
 

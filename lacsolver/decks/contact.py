@@ -190,18 +190,26 @@ def friction(import_: Import, card: Card) -> None:
 
 def contact_pair(import_: Import, card: Card) -> None:
     """Take pairs of a slave and a master; slaves that are surfaces of nodes become the faces on these nodes."""
-    keys: dict[str, Any] = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
-    if "ADJUST" in card.options:
-        keys["adjust"] = _adjust(import_, card)
     for row in card.rows:
-        import_.pairs.append(Pair(*_skins(import_, card, row), card.options.get("INTERACTION", ""), keys, card))
+        slave, master = _skins(import_, card, row)
+        keys: dict[str, Any] = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
+        if "ADJUST" in card.options:
+            keys["adjust"] = _adjust(import_, card, row)
+        import_.pairs.append(Pair(slave, master, card.options.get("INTERACTION", ""), keys, card))
 
 
-def _adjust(import_: Import, card: Card) -> float:
-    """Return the distance within which nodes of the slave are moved onto the master. Raises Refused."""
+def _adjust(import_: Import, card: Card, row: DeckLine) -> float:
+    """Return the distance within which nodes of the slave are moved onto the master. Raises Refused.
+
+    It is larger than the model for a set of nodes, which should have all nodes of the slave.
+    """
     text = card.options["ADJUST"]
     if key_of(text) in import_.names.deck.groups_of("NSET"):
-        message = f"ADJUST={text} names a set of nodes, and lacsolver moves those within a distance"
+        chosen = import_.names.nodes(text, row)[1]
+        slave = _surface(import_, import_.names.skin(row.fields[0], row)[1]).faces.distinct_nodes
+        if np.isin(slave, chosen).all():
+            return _far(import_)
+        message = f"ADJUST={text} has some nodes of the slave alone, and lacsolver moves those within a distance"
         raise Refused(f"{message}; give that, as ADJUST=0.01")
     distance = card.number("ADJUST")
     if distance < 0:
@@ -270,7 +278,8 @@ def contacts(import_: Import) -> None:
     for pair in import_.pairs:
         by_slave.setdefault(pair.slave, []).append(pair)
     for pairs in by_slave.values():
-        _add_pair(import_, pairs)
+        with import_.taking(pairs[0].card):
+            _add_pair(import_, pairs)
 
 
 def _add_pair(import_: Import, pairs: list[Pair]) -> None:
@@ -361,8 +370,13 @@ def _removed(import_: Import, pairs: list[Pair], changes: list[tuple[int, bool, 
     if len(pairs) > 1:
         message = "this slave has several masters, whose contact is removed together here; give it one"
         raise Refused(message, None, changes[0][2])
-    far = 10 * float(np.linalg.norm(np.ptp(import_.names.mesh.points, axis=0)))
+    far = _far(import_)
     return from_step_on({-1: 0.0} | {step: far * (not added) for step, added, _ in changes}, import_.steps)
+
+
+def _far(import_: Import) -> float:
+    """Return a length that is larger than the model."""
+    return 10 * float(np.linalg.norm(np.ptp(import_.names.mesh.points, axis=0)))
 
 
 def _from_step_on(import_: Import, values: dict[int, float]) -> Any:

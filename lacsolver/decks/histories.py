@@ -36,8 +36,8 @@ class DeckStep:
 
     `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
     `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
-    for; such a step takes no time, and goes at its end. `changes`: the last card in it of each that begins a change of
-    a surface interaction.
+    for; such a step takes no time, and goes at its end, as one that is `left_out` of a partial import. `changes`: the
+    last card in it of each that begins a change of a surface interaction.
     """
 
     card: Card
@@ -51,6 +51,7 @@ class DeckStep:
     sudden: bool = False
     alpha: float | None = None
     modes: int = 0
+    left_out: bool = False
     changes: dict[str, Card] = field(default_factory=dict)
 
     @property

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from lacmesh.deck import key_of
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.toml import section_text
-from lacsolver.decks.cards import Card, DeckLine, Finding, Refused, look_up
+from lacsolver.decks.cards import Card, DeckLine, Finding, Lacking, Refused, look_up
 from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.histories import Amplitude, Assigned, DeckStep, Orders, Points, written
 from lacsolver.decks.names import Names
@@ -33,6 +34,11 @@ SECTIONS = {
     **dict.fromkeys(("material", "contact", "tie", "cyclic", "rigid", "displacement", "equation", "coupling"), True),
     **dict.fromkeys(("pretension", "spring", "pressure", "force", "body_force"), True),
     **{"gravity": False, "temperature": True, "dynamics": False, "initial": True, "probe": True, "steps": False},
+}
+#: card of a mistake in a section as a whole
+_CARDS_OF = {
+    **{"material": "SOLIDSECTION", "contact": "CONTACTPAIR", "displacement": "BOUNDARY", "pressure": "DLOAD"},
+    **{"force": "CLOAD", "body_force": "DLOAD", "temperature": "TEMPERATURE", "dynamics": "DYNAMIC", "steps": "STATIC"},
 }
 #: kinds of what acts, and the components of each
 COMPONENTS = {
@@ -89,20 +95,23 @@ class DeckRigid(NamedTuple):
 class Import:
     """An import: what the cards have given so far, in their order, and what was found.
 
-    `partial`: what lacsolver lacks is left out, with a warning. `top`: keys of the top of the case. `assigned`: lines
-    of loads and supports; `removed`: for a kind, the steps that remove those of earlier steps, and the card that says
-    so. `systems`: nodes with local axes, as the `axes` of a case. `references`: nodes of rigid bodies, couplings and
-    bolts; `equated`: nodes in equations. `locks`: the step from which the bolt of a reference node stays as it is.
+    `lenient`: cards that lacsolver lacks are left out, with a warning; `partial`: all that is not taken. `top`: keys of
+    the top of the case. `couplers`: sets of DCOUP3D, which are no cells. `assigned`: lines of loads and supports;
+    `removed`: for a kind, the steps that remove those of earlier steps, and the card that says so. `systems`: nodes
+    with local axes, as the `axes` of a case. `references`: nodes of rigid bodies, couplings and bolts; `equated`: nodes
+    in equations. `locks`: the step from which the bolt of a reference node stays as it is.
     """
 
     names: Names
     groups: DeckGroups
+    lenient: bool = False
     partial: bool = False
     top: dict[str, Any] = field(default_factory=dict)
     records: list[Record] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     variants: set[str] = field(default_factory=set)
     spring_types: set[str] = field(default_factory=set)
+    couplers: set[str] = field(default_factory=set)
     materials: dict[str, DeckMaterial] = field(default_factory=dict)
     orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
@@ -123,7 +132,7 @@ class Import:
     watched: dict[int, None] = field(default_factory=dict)
     modal: DeckStep | None = None
     in_step: bool = False
-    waiting: list[tuple[str, Card, Callable[[], None]]] = field(default_factory=list)
+    waiting: list[tuple[str, Card | None, Callable[[], None]]] = field(default_factory=list)
 
     # ---- the model
 
@@ -185,17 +194,38 @@ class Import:
         """Add a record."""
         self.records.append(Record(section, keys, card))
 
-    def later(self, section: str, card: Card, build: Callable[[], None]) -> None:
-        """Call a function that adds records of a section when all cards are read; what it refuses is of this card."""
+    def later(self, section: str, card: Card | None, build: Callable[[], None]) -> None:
+        """Call a function that adds records of a section when all cards are read.
+
+        What it refuses is of this card, or of the whole: None, such as the materials, which cannot be left out.
+        """
         self.waiting.append((section, card, build))
 
     def finish(self) -> None:
         """Call the functions that wait, in the order of sections."""
-        for _, card, build in sorted(self.waiting, key=lambda one: list(SECTIONS).index(one[0])):
+        for section, card, build in sorted(self.waiting, key=lambda one: list(SECTIONS).index(one[0])):
+            if card is not None:
+                with self.taking(card):
+                    build()
+                continue
             try:
                 build()
-            except Refused as refused:
-                self.error(refused.card or card, refused.message, refused.row)
+            except Refused as found:
+                cards = self.names.deck
+                of = next(cards.named(_CARDS_OF[section]), None) or next(cards.named("ELEMENT"), cards.cards[0])
+                self.error(found.card or Card.from_deck(of), found.message, found.row)
+
+    @contextmanager
+    def taking(self, card: Card) -> Iterator[None]:
+        """Add a finding for what is refused of a card: a warning if it may be left out, else an error."""
+        try:
+            yield
+        except Refused as found:
+            of = found.card or card
+            if self.partial or (self.lenient and isinstance(found, Lacking)):
+                self.warn(of, f"left out: {found.message}", found.row)
+            else:
+                self.error(of, found.message, found.row)
 
     def text(self, name: str) -> str:
         """Return the text of the case that was imported from a file."""
@@ -219,7 +249,8 @@ class Import:
         key = key_of(card.options["AMPLITUDE"])
         if key not in self.amplitudes:
             raise Refused(f"there is no *AMPLITUDE named {card.options['AMPLITUDE']!r} above this card")
-        return self.amplitudes[key]
+        amplitude, delay = self.amplitudes[key], card.number("TIMEDELAY", 0.0)
+        return replace(amplitude, rows=tuple((t + delay, factor) for t, factor in amplitude.rows))
 
     def assign(
         self, card: Card, row: DeckLine, kind: str, step: int, named: tuple[str, Ints],
@@ -234,9 +265,14 @@ class Import:
         return [line for line in self.assigned if line.kind == kind]
 
     def orders(self, kind: str, lines: Sequence[Assigned]) -> Orders:
-        """Return the orders of some lines. Raises Refused where a step removes some of earlier steps (OP=NEW)."""
+        """Return the orders of some lines; a load that a step removes (OP=NEW) goes to 0 in it.
+
+        Raises Refused for supports and temperatures that a step removes.
+        """
         adds, count = kind not in ("displacement", "spin", "temperature"), COMPONENTS[kind]
         whole = Orders.of(lines, self.steps, count, adds)
+        if not len(lines):
+            return whole
 
         def named(some: Iterable[Assigned]) -> NDArray[np.bool_]:
             mask = np.zeros((count, len(whole.items)), bool)
@@ -247,9 +283,13 @@ class Import:
 
         for now, card in self.removed.get(kind, {}).items():
             before = named(line for line in lines if line.step < now)
-            if (before & ~named(line for line in lines if line.step == now)).any():
-                message = "what OP=NEW removes stays in lacsolver; repeat it in this step, a load with the value 0"
-                raise Refused(message, card.rows[0] if card.rows else None)
+            lost = before & ~named(line for line in lines if line.step == now)
+            if adds:
+                whole.value[now][lost] = 0.0
+            elif lost.any():
+                row = card.rows[0] if card.rows else None
+                with self.taking(card):
+                    raise Refused("what OP=NEW removes stays in lacsolver; repeat it in this step", row)
         return whole
 
     def history(self, kind: str, node: int, c: int) -> Points | None:
@@ -328,10 +368,3 @@ class Import:
     def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Add what would change the answer, and is not taken."""
         self.tell("error", card, message, row)
-
-    def lack(self, card: Card, message: str, instead: str = "", row: DeckLine | None = None) -> None:
-        """Add what would change the answer and is not taken or, of a partial import, what is taken instead."""
-        if self.partial:
-            self.warn(card, f"left out: {message}{instead and '; ' + instead}", row)
-        else:
-            self.error(card, message, row)

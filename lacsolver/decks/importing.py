@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial as part
 from pathlib import Path
 
 import lacmesh
@@ -20,21 +20,21 @@ from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.histories import DeckStep
 from lacsolver.decks.import_ import Import
 from lacsolver.decks.names import Names
-from lacsolver.decks.table import HANDLERS, LACKS, NOTES, OF_THE_MESH, PROCEDURES
+from lacsolver.decks.table import BY_LINE, HANDLERS, LACKS, NOTES, OF_THE_MESH, PROCEDURES
 
-#: what adds records that depend on many cards: their section, the card of a mistake without one, and the function
-_OF_THE_WHOLE: tuple[tuple[str, str, Callable[[Import], None]], ...] = (
-    ("material", "ELEMENT", materials.top),
-    ("material", "SOLIDSECTION", materials.materials),
-    ("contact", "CONTACTPAIR", contact.contacts),
-    ("displacement", "BOUNDARY", loads.supports),
-    ("pressure", "DLOAD", loads.pressures),
-    ("force", "CLOAD", loads.forces),
-    ("body_force", "DLOAD", loads.gravity),
-    ("body_force", "DLOAD", loads.centrifugal),
-    ("temperature", "TEMPERATURE", loads.temperatures),
-    ("dynamics", "DYNAMIC", steps.dynamics),
-    ("steps", "STATIC", steps.steps),
+#: what adds records that depend on many cards, by their section
+_OF_THE_WHOLE: tuple[tuple[str, Callable[[Import], None]], ...] = (
+    ("material", materials.top),
+    ("material", materials.materials),
+    ("contact", contact.contacts),
+    ("displacement", loads.supports),
+    ("pressure", loads.pressures),
+    ("force", loads.forces),
+    ("body_force", loads.gravity),
+    ("body_force", loads.centrifugal),
+    ("temperature", loads.temperatures),
+    ("dynamics", steps.dynamics),
+    ("steps", steps.steps),
 )
 _PARAMETER = re.compile(r'\s*([^,="]+?)\s*=\s*("[^"]*"|[^,]*?)\s*(?:,|$)')
 
@@ -49,25 +49,24 @@ class Imported:
     findings: tuple[Finding, ...]
 
 
-def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = False) -> Imported:
+def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = False, partial: bool = False) -> Imported:
     """Return the mesh and the case of a deck of CalculiX or Abaqus; nothing is written.
 
     `case_path`: where the case file will be; its mesh is named after it, with the suffix .med. `lenient`: cards that
-    lacsolver has no place for are left out with a finding, which else are errors. Raises CaseError with every card that
-    is not taken, ReadError for a file that is no deck, or a broken one.
+    lacsolver has no place for are left out with a finding, which else are errors. `partial`: all that is not taken is
+    left out so, if the rest is a case. Raises CaseError with every card that is not taken, ReadError for a file that
+    is no deck, or a broken one.
     """
     path, case_path = Path(path), Path(case_path)
-    import_ = _with_cards(lacmesh.read(path), lenient)
+    import_ = _with_cards(lacmesh.read(path), lenient, partial)
     _raise(import_)
     if not import_.steps and import_.modal:
         import_.steps.append(DeckStep(import_.modal.card, 0.0))
     if not import_.steps:
         raise CaseError([Issue(f"{path}: there is no *STEP, and so nothing to compute; give it one with *STATIC")])
     import_.top["mesh"] = case_path.with_suffix(".med").name
-    cards = import_.names.deck
-    for section, key, build in _OF_THE_WHOLE:
-        card = next(cards.named(key), None) or next(cards.named("ELEMENT"), cards.cards[0])
-        import_.later(section, Card(card), partial(build, import_))
+    for section, build in _OF_THE_WHOLE:
+        import_.later(section, None, part(build, import_))
     import_.finish()
     _raise(import_)
     mesh = import_.groups.written()
@@ -79,7 +78,7 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
     return Imported(mesh, case, import_.text(path.name), tuple(findings))
 
 
-def _with_cards(mesh: Mesh, lenient: bool) -> Import:
+def _with_cards(mesh: Mesh, lenient: bool, partial: bool) -> Import:
     """Return the import of the deck of a mesh with all its cards read, one of parts and instances as one without.
 
     Raises ReadError for a mesh that was not read from a deck.
@@ -88,25 +87,19 @@ def _with_cards(mesh: Mesh, lenient: bool) -> Import:
         raise ReadError(mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
     flat, refused = flattened(mesh.deck)
     mesh = replace(mesh, deck=flat)
-    import_ = Import(Names(mesh), DeckGroups.of(mesh), lenient)
+    import_ = Import(Names(mesh), DeckGroups.of(mesh), lenient, partial)
     for wrong, line, why in (*refused, *_frame_errors(flat)):
         place = line or wrong
         import_.findings.append(Finding(place.file, place.line, wrong.name, why, "error"))
-    for deck_card in flat.cards:
-        card = Card(deck_card)
-        try:
-            _take(import_, card)
-        except Lacking as lacking:
-            import_.lack(card, lacking.message, row=lacking.row)
-        except Refused as found:
-            import_.error(card, found.message, found.row)
+    for card in map(Card.from_deck, flat.cards):
+        for one in card.lines if card.key in BY_LINE else [card]:
+            with import_.taking(one):
+                _take(import_, one)
     for section in import_.sections:
-        try:
+        with import_.taking(section.card):
             import_.material_of(section)
             if section.axes:
                 look_up(import_.orientations, section.axes, "*ORIENTATION")
-        except Refused as found:
-            import_.error(section.card, found.message)
     return import_
 
 
@@ -121,6 +114,8 @@ def _take(import_: Import, card: Card) -> None:
     elif card.key in NOTES:
         import_.note(card, NOTES[card.key])
     elif card.key in PROCEDURES:
+        if import_.in_step:
+            import_.steps[-1].left_out = True
         raise Refused(PROCEDURES[card.key])
     elif card.key in LACKS:
         raise Lacking(LACKS[card.key])

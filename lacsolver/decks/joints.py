@@ -339,7 +339,7 @@ def _coupled_node(import_: Import, card: Card) -> int:
     wanted = key_of(card.needed("ELSET"))
     rows = [
         row
-        for one in map(Card, import_.names.deck.named("ELEMENT"))
+        for one in map(Card.from_deck, import_.names.deck.named("ELEMENT"))
         if one.word("TYPE") == "DCOUP3D" and key_of(one.options.get("ELSET", "")) == wanted
         for row in one.rows
     ]

@@ -48,7 +48,7 @@ def boundary(import_: Import, card: Card) -> None:
     """Take prescribed displacements; those of the model are supports, and what is not 0 begins in the first step."""
     if (kind := card.word("TYPE", "DISPLACEMENT")) != "DISPLACEMENT":
         raise Refused(f"supports prescribe displacements, and not TYPE={kind}; give the displacement as an *AMPLITUDE")
-    now = _now(import_, card, "displacement")
+    now = _now(import_, card, "displacement", "spin")
     for row in card.rows:
         named = import_.names.nodes(row.text(0), row)
         if "FIXED" in card.options:
@@ -89,7 +89,7 @@ def _fix(import_: Import, card: Card, row: DeckLine, now: int, named: tuple[str,
 
 def cload(import_: Import, card: Card) -> None:
     """Take forces on nodes, and moments on the node of a rigid body."""
-    now = _in_step(import_, card, "force")
+    now = _in_step(import_, card, "force", "moment")
     for row in card.rows:
         nodes = import_.names.nodes(row.text(0), row)
         axis = row.whole(1, "the direction")
@@ -201,15 +201,16 @@ def supports(import_: Import) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
     prescribed = _orders(import_, "displacement")
     for part, histories in prescribed.parts(once=False):
-        there = part.items[import_.names.in_cells[part.items]]
-        if not len(there):
-            import_.note(part.card, "these nodes belong to no solid element: the support is left out", part.row)
-            continue
-        for line, when, own in _by_begin(import_, prescribed, part, histories):
-            keys = {f"u{AXES[c]}": written(points, import_.ramped) for c, points in own.items()} | when
-            for axes, nodes in import_.by_axes(there):
-                group = import_.node_group(part.name if len(nodes) == len(part.items) else "", nodes, "held")
-                import_.add("displacement", {"group": group} | keys | axes, line.card)
+        with import_.taking(part.card):
+            there = part.items[import_.names.in_cells[part.items]]
+            if not len(there):
+                import_.note(part.card, "these nodes belong to no solid element: the support is left out", part.row)
+                continue
+            for line, when, own in _by_begin(import_, prescribed, part, histories):
+                keys = {f"u{AXES[c]}": written(points, import_.ramped) for c, points in own.items()} | when
+                for axes, nodes in import_.by_axes(there):
+                    group = import_.node_group(part.name if len(nodes) == len(part.items) else "", nodes, "held")
+                    import_.add("displacement", {"group": group} | keys | axes, line.card)
     _add_held(import_, prescribed)
 
 
@@ -244,38 +245,42 @@ def _add_held(import_: Import, prescribed: Orders) -> None:
     """
     stay = [np.empty(0, np.int64)] * import_.dim
     for line in import_.lines("held"):
-        step, known = import_.steps[line.step], np.isin(prescribed.items, line.items)
-        there, value = prescribed.items[known], prescribed.value[:, :, known]
-        moved = ~np.isnan(value[line.step :]).all(axis=0)
-        changed = np.asarray(moved | (prescribed.amplitude[:, :, known] >= 0).any(axis=0))
-        if changed[list(line.components)].any() or step.alpha is not None:
-            message = "FIXED holds nodes that this step or a later one moves, or that an amplitude or a motion does"
-            raise Refused(f"{message}; write their displacement", line.row, line.card)
-        for c in (c for c in line.components if c < import_.dim):
-            free = np.setdiff1d(line.items, np.append(there[~np.isnan(value[:, c]).all(axis=0)], stay[c]))
-            stay[c] = np.union1d(stay[c], free)
-            for axes, nodes in import_.by_axes(free):
-                group = import_.node_group(line.name if len(nodes) == len(line.items) else "", nodes, "held")
-                import_.add("displacement", {"group": group, f"u{AXES[c]}": 0.0, "begin": step.begin} | axes, line.card)
+        with import_.taking(line.card):
+            step, known = import_.steps[line.step], np.isin(prescribed.items, line.items)
+            there, value = prescribed.items[known], prescribed.value[:, :, known]
+            moved = ~np.isnan(value[line.step :]).all(axis=0)
+            changed = np.asarray(moved | (prescribed.amplitude[:, :, known] >= 0).any(axis=0))
+            if changed[list(line.components)].any() or step.alpha is not None:
+                message = "FIXED holds nodes that this step or a later one moves, or that an amplitude or a motion does"
+                raise Refused(f"{message}; write their displacement", line.row, line.card)
+            for c in (c for c in line.components if c < import_.dim):
+                free = np.setdiff1d(line.items, np.append(there[~np.isnan(value[:, c]).all(axis=0)], stay[c]))
+                stay[c] = np.union1d(stay[c], free)
+                for axes, nodes in import_.by_axes(free):
+                    group = import_.node_group(line.name if len(nodes) == len(line.items) else "", nodes, "held")
+                    keys = {"group": group, f"u{AXES[c]}": 0.0, "begin": step.begin}
+                    import_.add("displacement", keys | axes, line.card)
 
 
 def forces(import_: Import) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
     numbers = import_.names.mesh.node_number
     for part, histories in _orders(import_, "force").parts(once=True):
-        if max(histories) >= import_.dim:
-            raise Refused("a force has the directions 1 and 2 in a plane model", part.row)
-        loose = part.items[~import_.names.in_cells[part.items]]
-        if len(loose):
-            raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.row)
-        keys = {f"f{AXES[c]}": written(points, import_.ramped) for c, points in histories.items()}
-        for axes, nodes in import_.by_axes(part.items):
-            group = import_.node_group(part.name if len(nodes) == len(part.items) else "", nodes, "loaded")
-            import_.add("force", {"group": group} | keys | axes, part.card)
+        with import_.taking(part.card):
+            if max(histories) >= import_.dim:
+                raise Refused("a force has the directions 1 and 2 in a plane model", part.row)
+            loose = part.items[~import_.names.in_cells[part.items]]
+            if len(loose):
+                raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.row)
+            keys = {f"f{AXES[c]}": written(points, import_.ramped) for c, points in histories.items()}
+            for axes, nodes in import_.by_axes(part.items):
+                group = import_.node_group(part.name if len(nodes) == len(part.items) else "", nodes, "loaded")
+                import_.add("force", {"group": group} | keys | axes, part.card)
     for line in (*import_.lines("moment"), *import_.lines("spin")):
-        if line.value and not np.isin(line.items, import_.references).all():  # a rotation of 0 has no meaning there
-            message = "only the reference node of a *RIGID BODY or a *COUPLING turns; nodes of solid elements do not"
-            raise Refused(message, line.row, line.card)
+        with import_.taking(line.card):
+            if line.value and not np.isin(line.items, import_.references).all():  # a rotation of 0 has no meaning there
+                message = "only the reference node of a *RIGID BODY or a *COUPLING turns"
+                raise Refused(f"{message}; nodes of solid elements do not", line.row)
 
 
 # ---- records of loads on faces and cells
@@ -284,12 +289,14 @@ def forces(import_: Import) -> None:
 def pressures(import_: Import) -> None:
     """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
     for part, histories in _orders(import_, "pressure").parts(once=True):
-        if len(inner := import_.names.inner(part.items)):
-            numbers = some(import_.names.mesh.cell_number[inner // SIDES])
-            raise Refused(f"these faces of elements {numbers} lie between two elements; press outer faces", part.row)
-        group = import_.groups.add("skins", part.name or "pressed", part.items)
-        keys = {"group": group, "value": written(histories[0], import_.ramped)}
-        import_.add("pressure", keys | ({"follower": True} if import_.large else {}), part.card)
+        with import_.taking(part.card):
+            if len(inner := import_.names.inner(part.items)):
+                numbers = some(import_.names.mesh.cell_number[inner // SIDES])
+                message = f"these faces of elements {numbers} lie between two elements; press outer faces"
+                raise Refused(message, part.row)
+            group = import_.groups.add("skins", part.name or "pressed", part.items)
+            keys = {"group": group, "value": written(histories[0], import_.ramped)}
+            import_.add("pressure", keys | ({"follower": True} if import_.large else {}), part.card)
 
 
 def gravity(import_: Import) -> None:
@@ -302,18 +309,19 @@ def gravity(import_: Import) -> None:
     parts = [part for same in alike for part in import_.orders("gravity", same).parts(once=True)]
     heavy = np.flatnonzero(density)
     for part, histories in parts:
-        keys = {f"{AXES[c]}": written(points, import_.ramped) for c, points in histories.items() if c < import_.dim}
-        if not np.isin(part.items, heavy).any():
-            raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.row)
-        if len(parts) == 1 and np.isin(heavy, part.items).all():
-            if import_.model == "axisymmetric" and keys.pop("x", 0.0):
-                raise Refused("gravity along the radius has no meaning in a full circle; give it along y", part.row)
-            import_.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.card)
-            continue
-        for rho, cells in _by_density(density, part.items):
-            group = import_.groups.add("cells", part.name or "heavy", cells)
-            loads = {f"f{axis}": scaled(value, rho) for axis, value in keys.items()}
-            import_.add("body_force", {"groups": [group]} | loads, part.card)
+        with import_.taking(part.card):
+            keys = {f"{AXES[c]}": written(points, import_.ramped) for c, points in histories.items() if c < import_.dim}
+            if not np.isin(part.items, heavy).any():
+                raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.row)
+            if len(parts) == 1 and np.isin(heavy, part.items).all():
+                if import_.model == "axisymmetric" and keys.pop("x", 0.0):
+                    raise Refused("gravity along the radius has no meaning in a full circle; give it along y", part.row)
+                import_.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.card)
+                continue
+            for rho, cells in _by_density(density, part.items):
+                group = import_.groups.add("cells", part.name or "heavy", cells)
+                loads = {f"f{axis}": scaled(value, rho) for axis, value in keys.items()}
+                import_.add("body_force", {"groups": [group]} | loads, part.card)
 
 
 def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:
@@ -325,16 +333,17 @@ def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:
 def centrifugal(import_: Import) -> None:
     """Add a [[body_force]] for each centrifugal load. Raises Refused."""
     for line in import_.lines("centrifugal"):
-        if import_.large or line.amplitude or len(import_.steps) > 1:
-            message = "a centrifugal load is taken in one step, without NLGEOM and without amplitude"
-            raise Refused(f"{message}; write a [[body_force]]", line.row, line.card)
-        time = "" if import_.steps[0].sudden else f" * t / {import_.steps[-1].end!r}"
-        outward = _outward(np.array(line.data[:3]), np.array(line.data[3:]))
-        for rho, cells in _by_density(import_.of_cells("density"), line.items):
-            group = import_.groups.add("cells", line.name or "turning", cells)
-            factor = rho * line.value
-            loads = {f"f{AXES[c]}": f"{factor!r} * ({outward[c]}){time}" for c in range(import_.dim) if outward[c]}
-            import_.add("body_force", {"groups": [group]} | loads, line.card)
+        with import_.taking(line.card):
+            if import_.large or line.amplitude or len(import_.steps) > 1:
+                message = "a centrifugal load is taken in one step, without NLGEOM and without amplitude"
+                raise Refused(f"{message}; write a [[body_force]]", line.row, line.card)
+            time = "" if import_.steps[0].sudden else f" * t / {import_.steps[-1].end!r}"
+            outward = _outward(np.array(line.data[:3]), np.array(line.data[3:]))
+            for rho, cells in _by_density(import_.of_cells("density"), line.items):
+                group = import_.groups.add("cells", line.name or "turning", cells)
+                factor = rho * line.value
+                loads = {f"f{AXES[c]}": f"{factor!r} * ({outward[c]}){time}" for c in range(import_.dim) if outward[c]}
+                import_.add("body_force", {"groups": [group]} | loads, line.card)
 
 
 def _outward(origin: Floats, way: Floats) -> list[str]:
@@ -355,13 +364,20 @@ def _outward(origin: Floats, way: Floats) -> list[str]:
 
 def temperatures(import_: Import) -> None:
     """Add a [[temperature]] for each group of cells that expand, and have one history. Raises Refused."""
-    mesh, cells = import_.names.mesh, expanding(import_)
+    cells = expanding(import_)
     lines = [one for one in import_.lines("temperature") if one.step >= 0]
     if not lines:
         return
     if not len(cells):
         import_.note(lines[0].card, "no material has an *EXPANSION, so that temperatures have no effect")
         return
+    with import_.taking(lines[0].card):
+        _add_temperatures(import_, lines, cells)
+
+
+def _add_temperatures(import_: Import, lines: list[Assigned], cells: Ints) -> None:
+    """Add the records of temperatures on cells. Raises Refused for an element of several temperatures."""
+    mesh = import_.names.mesh
     prescribed = import_.orders("temperature", lines)
     row_of, start = np.full(mesh.n_nodes, -1), initial_temperatures(import_)
     row_of[prescribed.items], first = same_columns(prescribed.value[:, 0], prescribed.amplitude[:, 0])

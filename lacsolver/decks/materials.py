@@ -133,6 +133,9 @@ def orientation(import_: Import, card: Card) -> None:
 
 def section(import_: Import, card: Card) -> None:
     """Take the material, orientation and thickness of an element set."""
+    if key_of(card.needed("ELSET")) in import_.couplers:
+        import_.note(card, "elements of a *DISTRIBUTING COUPLING have no material")
+        return
     name, cells = import_.names.cells(card.needed("ELSET"), None)
     thickness = card.rows[0].number(0, "the thickness", 1.0) if card.rows else 1.0
     if not thickness > 0:

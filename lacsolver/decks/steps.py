@@ -12,7 +12,7 @@ from lacmesh.deck import key_of
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.bodies import body_names, label_bodies
-from lacsolver.decks.cards import Card, Refused, look_up
+from lacsolver.decks.cards import Card, Lacking, Refused, look_up
 from lacsolver.decks.histories import Amplitude, Assigned, DeckStep
 from lacsolver.decks.import_ import AXES, Import
 
@@ -95,9 +95,10 @@ def dynamic(import_: Import, card: Card) -> None:
     which = _procedure(import_, card)
     if "EXPLICIT" in card.options:
         message = "lacsolver's time scheme is implicit, and this step is EXPLICIT; leave the option out, and give"
-        import_.lack(
-            card, f"{message} increments in which a wave crosses a half to a whole element", "the step is implicit"
-        )
+        message += " increments in which a wave crosses a half to a whole element"
+        if not (import_.lenient or import_.partial):
+            raise Refused(message)
+        import_.warn(card, f"left out: {message}; the step is implicit")
     alpha = -card.number("ALPHA", -0.05)
     if not 0 <= alpha <= _MOST_DAMPING:
         raise Refused(f"ALPHA should be from -1/3 to 0, not {-alpha:g}")
@@ -122,14 +123,26 @@ def end_step(import_: Import, card: Card) -> None:
     if not import_.in_step:
         return
     import_.in_step = False
-    which = import_.steps[-1]
-    if which.modes:
-        now = len(import_.steps) - 1
+    which, now = import_.steps[-1], len(import_.steps) - 1
+    if which.left_out:
+        import_.steps.pop()
+        import_.assigned = [line for line in import_.assigned if line.step < now]
+        for steps in import_.removed.values():
+            steps.pop(now, None)
+    elif which.modes:
         import_.modal = import_.steps.pop()
         if any(line.step == now for line in import_.assigned):
             raise Refused("supports and loads of a *FREQUENCY step are not taken; give supports in the model")
     elif "PERTURBATION" in which.card.options:
         raise Refused("a step of small PERTURBATION is taken with *FREQUENCY alone; leave the option out")
+
+
+def cyclic_modes(import_: Import, card: Card) -> None:
+    """Warn that a step of *FREQUENCY asks for modes with nodal diameters. Raises Lacking elsewhere."""
+    message = "modes with nodal diameters are not taken; static sectors are"
+    if not (import_.in_step and import_.step.modes):
+        raise Lacking(message)
+    import_.warn(card, f"{message}: lacsolver modes finds those that are alike in all sectors")
 
 
 # ---- records

@@ -23,7 +23,7 @@ HANDLERS: dict[str, tuple[Handler, str, str]] = {
     "DENSITY": (materials.density, "", ""),
     "EXPANSION": (materials.expansion, "TYPE ZERO", ""),
     "ORIENTATION": (materials.orientation, "NAME SYSTEM", "DEFINITION"),
-    "SOLIDSECTION": (materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
+    "SOLIDSECTION": (materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS OFFSET"),
     "AMPLITUDE": (steps.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
     "INITIALCONDITIONS": (loads.initial_conditions, "TYPE", ""),
     "SURFACEINTERACTION": (contact.interaction, "NAME", ""),
@@ -47,6 +47,7 @@ HANDLERS: dict[str, tuple[Handler, str, str]] = {
     "RIGIDBODY": (bodies.rigid_body, "NSET ELSET REFNODE ROTNODE", ""),
     "SPRING": (bodies.spring, "ELSET", ""),
     "STEP": (steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
+    "SELECTCYCLICSYMMETRYMODES": (steps.cyclic_modes, "NMIN NMAX", ""),
     "STATIC": (steps.static, "DIRECT", "SOLVER"),
     "FREQUENCY": (steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
     "DYNAMIC": (steps.dynamic, "ALPHA DIRECT EXPLICIT", "SOLVER"),
@@ -56,12 +57,14 @@ HANDLERS: dict[str, tuple[Handler, str, str]] = {
     "ENDSTEP": (steps.end_step, "", ""),
     "BOUNDARY": (loads.boundary, "OP AMPLITUDE FIXED TYPE", ""),
     "MODELCHANGE": (contact.model_change, "TYPE ADD REMOVE", ""),
-    "CLOAD": (loads.cload, "OP AMPLITUDE", ""),
-    "DLOAD": (loads.dload, "OP AMPLITUDE", ""),
-    "DSLOAD": (loads.dsload, "OP AMPLITUDE", ""),
+    "CLOAD": (loads.cload, "OP AMPLITUDE TIMEDELAY", ""),
+    "DLOAD": (loads.dload, "OP AMPLITUDE TIMEDELAY", ""),
+    "DSLOAD": (loads.dsload, "OP AMPLITUDE TIMEDELAY", ""),
     "TEMPERATURE": (loads.temperature, "OP AMPLITUDE", ""),
     "NODEPRINT": (loads.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
 }
+#: cards whose data lines are taken one by one, so that each is refused alone
+BY_LINE = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS", "CONTACTPAIR", "TIE")
 #: cards that are the mesh, or frames of it: lacmesh has read them
 OF_THE_MESH = (
     *("NODE", "NSET", "ELSET", "HEADING", "PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"),
@@ -108,6 +111,5 @@ LACKS = {
     "FIELD": "fields other than temperature are not taken",
     "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
     "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
-    "SELECTCYCLICSYMMETRYMODES": "modes with nodal diameters are not taken; static sectors are",
     "RETAINEDNODALDOFS": "lacsolver makes no substructures",
 }  # fmt: skip
