@@ -330,6 +330,11 @@ def distributing_coupling(import_: Import, card: Card) -> None:
             weights[node] = row.number(1, "the weight")
     if not weights:
         raise Refused("it should list nodes and their weights")
+    x, sizes = import_.names.mesh.points, np.array(list(weights.values()))
+    away = sizes @ (x[list(weights)] - x[reference])
+    if np.linalg.norm(away) > _FLAT * np.abs(sizes).sum() * np.linalg.norm(np.ptp(x, axis=0)):
+        message = "its node is not at the centre of the weights, where CalculiX lets the load act"
+        import_.warn(card, f"{message}: here and in Abaqus it acts at the node")
     nodes: Ints = np.array(sorted(weights))
     _begin(import_, DeckCoupling("coupled", None, nodes, reference, card, "distributing", weights=weights))
 

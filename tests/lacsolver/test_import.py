@@ -133,7 +133,9 @@ TOPS = {
         {0.5: -2 * 3 / E, 1.0: -4 * 3 / E, 1.5: 8 * 3 / E, 2.0: 8 * 3 / E},
     ),
     "a load that a step removes": (  # it goes to 0 over that step, as in CalculiX
-        step("*DLOAD\nB_EZ1, P2, 4.\n") + step("*DLOAD, OP=NEW\n", static="0.5, 1.\n") + step("*DLOAD\nB_EZ1, P2, 2.\n"),
+        step("*DLOAD\nB_EZ1, P2, 4.\n")
+        + step("*DLOAD, OP=NEW\n", static="0.5, 1.\n")
+        + step("*DLOAD\nB_EZ1, P2, 2.\n"),
         {1.0: -4 * 3 / E, 1.5: -2 * 3 / E, 2.0: 0.0, 3.0: -2 * 3 / E},
     ),
     "an amplitude that begins late": (
@@ -165,9 +167,8 @@ def test_the_top_of_a_column_over_steps(tmp_path, name):
 def test_a_moment_and_a_force_that_a_step_removes(tmp_path):
     """OP=NEW removes forces and moments at reference nodes too, and another direction does not keep them."""
     steps = step("*CLOAD\n999, 3, 4.\n999, 4, 2.\n") + step("*CLOAD, OP=NEW\n999, 1, 1.\n")
-    made = imported(
-        tmp_path, bodies(COLUMN) + "*NODE\n999, 0, 0, 9\n*RIGID BODY, NSET=B_Z1, REF NODE=999\n" + held() + steps
-    )
+    rigid = "*NODE\n999, 0, 0, 9\n*RIGID BODY, NSET=B_Z1, REF NODE=999\n"
+    made = imported(tmp_path, bodies(COLUMN) + rigid + held() + steps)
     (body,) = made.case.rigid
     assert [body.fz.at(t) for t in (1.0, 1.5, 2.0)] == [4, 2, 0] and [body.fx.at(t) for t in (1.0, 2.0)] == [0, 1]
     assert [body.moment[0].at(t) for t in (1.0, 1.5, 2.0)] == [2, 1, 0]

@@ -308,9 +308,7 @@ def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
 
 def test_a_partial_import_leaves_out_what_is_not_taken(tmp_path):
     """Lines, cards and steps that are refused are left out with a warning of their line; the rest is a case."""
-    loads = (
-        LOAD + "B, BX, 1.\n*CLOAD\n4711, 3, 1.\nB_Z1, 1, 2.\n*END STEP\n*STEP\n*VISCO\n1., 1.\n*CLOAD\nB_Z1, 1, 3.\n"
-    )
+    loads = LOAD + "B, BX, 1.\n*CLOAD\n4711, 3, 1.\nB_Z1, 1, 2.\n" + NEXT + "*VISCO\n1., 1.\n*CLOAD\nB_Z1, 1, 3.\n"
     shells = "*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n*SHELL SECTION, ELSET=SH, MATERIAL=EL\n1.\n"
     text = deck(shells + "*SUBMODEL, TYPE=NODE\n*BOUNDARY\nB_Z0, 11\n", loads)
     with pytest.raises(CaseError):
