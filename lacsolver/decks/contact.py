@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.points import face_measure
 from lacmesh.topology.skin import FaceIncidence, facets_of
@@ -414,20 +414,20 @@ def _damping(import_: Import, law: Interaction) -> dict[str, Any]:
     return {"damping": value}
 
 
-def set_clearances(import_: Import, case: Case, mesh: Any) -> bool:
+def set_clearances(import_: Import, case: Case, mesh: Mesh) -> bool:
     """Set clearances so that they replace the gap in the mesh, which must be even; True if there are any.
 
     Raises CaseError for another gap.
     """
     wanted = {id(pair.record): pair for pair in import_.pairs if pair.clearance and pair.record}
     zones = {zone.slave: zone for zone in validate(case, mesh).zones} if wanted else {}
-    extent = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
     mistakes = []
     for pair in wanted.values():
         value, card = pair.clearance
         zone = zones.get(pair.record["slave"])
         low, high = zone.gap if zone else (np.nan, np.nan)
-        if not high - low <= _EVEN * extent:
+        gap = even_gap((low, high), mesh)
+        if gap is None:
             message = (
                 f"the gap in the mesh is from {low:.6g} to {high:.6g}, and a clearance of lacsolver is added to it"
             )
@@ -435,9 +435,15 @@ def set_clearances(import_: Import, case: Case, mesh: Any) -> bool:
             mistakes.append(Issue(f"{card.of.place}: *{card.of.name}: {message}"))
             continue
         of_steps = pair.record.get("clearance", [[0.0, 0.0]])  # of contact that is removed for some of them
-        shift = value - ((low + high) / 2 - of_steps[0][1])
+        shift = value - (gap - of_steps[0][1])
         shifted = [[t, more + shift] for t, more in of_steps]
         pair.record["clearance"] = shifted if "clearance" in pair.record else shift
     if mistakes:
         raise CaseError(mistakes)
     return bool(wanted)
+
+
+def even_gap(gap: tuple[float, float], mesh: Mesh) -> float | None:
+    """Return the mean of the least and the largest gap of a contact, None if they differ, or there is none (NaN)."""
+    extent = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+    return (gap[0] + gap[1]) / 2 if gap[1] - gap[0] <= _EVEN * extent else None
