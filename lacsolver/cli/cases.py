@@ -127,6 +127,11 @@ def export(
 
     $ lacsolver export press.toml -o job.inp
     """
+    write_deck(case, target, partial=partial, force=force, run=run)
+
+
+def write_deck(case: str, target: str | None, *, partial: bool, force: bool, run: Run) -> None:
+    """Write a case as a deck, and print what CalculiX computes in another way. Raises RequestError for the name."""
     from lacsolver.case import read_case
     from lacsolver.decks import export_deck
 

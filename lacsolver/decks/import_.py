@@ -122,7 +122,7 @@ class Import:
     references: list[int] = field(default_factory=list)
     equated: list[int] = field(default_factory=list)
     systems: list[tuple[Ints, dict[str, list[float]]]] = field(default_factory=list)
-    couplings: list[Any] = field(default_factory=list)
+    couplings: list[dict[str, Any]] = field(default_factory=list)
     locks: dict[int, int | None] = field(default_factory=dict)
     sectors: dict[str, dict[str, Any]] = field(default_factory=dict)
     masses: list[tuple[int, float, tuple[float, ...], Card]] = field(default_factory=list)

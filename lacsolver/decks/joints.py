@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -249,76 +248,49 @@ def pretension_section(import_: Import, card: Card) -> None:
 # ---- couplings
 
 
-@dataclass
-class DeckCoupling:
-    """A coupling of the node `reference` with a group of `facets` or of `nodes`, the other one None.
-
-    `kind`: that of [[coupling]], "" as long as it is not known; `components` that follow, of a rigid one; `weights` of
-    nodes, None for those of the area.
-    """
-
-    group: str
-    facets: Ints | None
-    nodes: Ints | None
-    reference: int
-    card: Card
-    kind: str = ""
-    components: list[int] = field(default_factory=lambda: [0, 1, 2])
-    weights: dict[int, float] | None = None
-    axes: dict[str, list[float]] | None = None
-
-
 def coupling(import_: Import, card: Card) -> None:
     """Begin a coupling of a surface with a reference node; *KINEMATIC or *DISTRIBUTING follows."""
-    name = card.needed("SURFACE")
+    name, axes = card.needed("SURFACE"), None
     there = import_.names.deck.surface_group(name)
     if there is not None and there[0] == "NODE":
-        group, facets, nodes = there[1], None, np.asarray(import_.names.mesh.node_groups[there[1]])
+        on, (name, members) = "nodes", (there[1], np.asarray(import_.names.mesh.node_groups[there[1]]))
     else:
-        group, facets = import_.names.skin(name, None)
-        nodes = None
+        on, (name, members) = "skins", import_.names.skin(name, None)
     reference = import_.names.node(card.needed("REFNODE"))
-    axes = None
     if "ORIENTATION" in card.options:
         known = import_.orientations
         x, y = known[look_up(known, card.options["ORIENTATION"], "*ORIENTATION above it")]
         axes = {"x": list(x), "xy": list(y)}
-    _begin(import_, DeckCoupling(group, facets, nodes, reference, card, axes=axes))
-
-
-def _begin(import_: Import, one: DeckCoupling) -> None:
-    """Take a coupling, whose record is added once all cards are read."""
-    import_.couplings.append(one)
-    import_.references.append(one.reference)
-    import_.later("coupling", one.card, lambda: _add_coupling(import_, one))
+    _couple(import_, card, reference, (on, name, members), {"kind": "", "axes": axes})
 
 
 def kinematic(import_: Import, card: Card) -> None:
     """Take the directions in which the nodes of a coupling follow its reference node: all, if none are listed."""
     which = _open(import_)
-    which.kind = "rigid"
+    which["kind"] = "rigid"
     directions: set[int] = set()
     for row in card.rows:
         first = row.whole(0, "a direction")
         directions |= set(range(first, row.whole(1, "a direction", first) + 1))
-    if card.rows and not directions & {1, 2, 3}:
+    followed = sorted(directions & {1, 2, 3})
+    if card.rows and not followed:
         raise Refused("nodes of solid elements have the directions 1 to 3 alone", card.rows[0])
-    which.components = sorted(d - 1 for d in directions & {1, 2, 3}) or [0, 1, 2]
+    if 0 < len(followed) < import_.dim:
+        which["components"] = [f"u{AXES[d - 1]}" for d in followed]
 
 
 def distributing(import_: Import, card: Card) -> None:
     """Take that loads at the reference node of a coupling are spread by area over its surface."""
-    _open(import_).kind = "distributing"
+    _open(import_)["kind"] = "distributing"
     if card.word("WEIGHTINGMETHOD", "UNIFORM") != "UNIFORM":
         raise Refused("weights are those of the area (WEIGHTING METHOD=UNIFORM), or of *DISTRIBUTING COUPLING")
 
 
-def _open(import_: Import) -> DeckCoupling:
-    """Return the coupling begun last. Raises Refused if there is none, or it has its kind."""
-    if not import_.couplings or import_.couplings[-1].kind:
+def _open(import_: Import) -> dict[str, Any]:
+    """Return the keys of the coupling begun last. Raises Refused if there is none, or it has its kind."""
+    if not import_.couplings or import_.couplings[-1]["kind"]:
         raise Refused("it belongs after *COUPLING; move it there")
-    which: DeckCoupling = import_.couplings[-1]
-    return which
+    return import_.couplings[-1]
 
 
 def distributing_coupling(import_: Import, card: Card) -> None:
@@ -326,8 +298,7 @@ def distributing_coupling(import_: Import, card: Card) -> None:
     reference = _coupled_node(import_, card)
     weights: dict[int, float] = {}
     for row in card.rows:
-        for node in import_.names.nodes(row.text(0), row)[1].tolist():
-            weights[node] = row.number(1, "the weight")
+        weights |= dict.fromkeys(import_.names.nodes(row.text(0), row)[1].tolist(), row.number(1, "the weight"))
     if not weights:
         raise Refused("it should list nodes and their weights")
     x, sizes = import_.names.mesh.points, np.array(list(weights.values()))
@@ -335,8 +306,10 @@ def distributing_coupling(import_: Import, card: Card) -> None:
     if np.linalg.norm(away) > _FLAT * np.abs(sizes).sum() * np.linalg.norm(np.ptp(x, axis=0)):
         message = "its node is not at the centre of the weights, where CalculiX lets the load act"
         import_.warn(card, f"{message}: here and in Abaqus it acts at the node")
-    nodes: Ints = np.array(sorted(weights))
-    _begin(import_, DeckCoupling("coupled", None, nodes, reference, card, "distributing", weights=weights))
+    number = import_.names.mesh.node_number
+    rows = [[int(number[node]), weight] for node, weight in weights.items()]
+    keys = {"kind": "distributing", "weights": rows}
+    _couple(import_, card, reference, ("nodes", "coupled", np.array(sorted(weights))), keys)
 
 
 def _coupled_node(import_: Import, card: Card) -> int:
@@ -353,72 +326,61 @@ def _coupled_node(import_: Import, card: Card) -> int:
     return int(import_.names.nodes(rows[0].text(1), rows[0])[1][0])
 
 
-def _add_coupling(import_: Import, one: DeckCoupling) -> None:
-    """Add the [[coupling]] of a reference node that moves or is loaded. Raises Refused."""
-    if not one.kind:
-        raise Refused("it should be followed by *KINEMATIC or *DISTRIBUTING")
-    acting = _acting(import_, one)
-    if not acting and one.kind == "distributing":
-        import_.note(one.card, "its reference node has neither a load nor a motion, so that it has no effect")
-        return
-    import_.add("coupling", _coupled(import_, one) | (acting or {"fy": 0.0}), one.card)
+def _couple(
+    import_: Import, card: Card, reference: int, group: tuple[str, str, Ints], keys: dict[str, Any]
+) -> None:  # fmt: skip
+    """Add a [[coupling]] once all cards are read, if its reference node moves or is loaded.
+
+    `group`: kind (nodes or skins), name and members; `keys`: its kind, "" as long as it is not known, weights,
+    components and axes.
+    """
+    on, name, members = group
+    mesh = import_.names.mesh
+    import_.couplings.append(keys)
+    import_.references.append(reference)
+
+    def add() -> None:
+        if not keys["kind"]:
+            raise Refused("it should be followed by *KINEMATIC or *DISTRIBUTING")
+        acting = _acting(import_, reference, keys)
+        if not acting and keys["kind"] == "distributing":
+            import_.note(card, "its reference node has neither a load nor a motion, so that it has no effect")
+            return
+        if on == "nodes" and len(loose := members[~import_.names.in_cells[members]]):
+            raise Refused(f"nodes {some(mesh.node_number[loose])} belong to no solid element")
+        number = mesh.node_number[reference]
+        head = {"name": f"{name} {number}", "group": import_.groups.add(on, name, members), "kind": keys["kind"]}
+        if import_.model != "axisymmetric":
+            head["at"] = mesh.points[reference][: import_.dim].tolist()
+        if keys.get("axes"):
+            keys["axes"] = import_.axes_in_model(keys["axes"])
+        rest = {key: keys[key] for key in ("weights", "components", "axes") if keys.get(key)}
+        import_.add("coupling", head | rest | (acting or {"fy": 0.0}), card)
+
+    import_.later("coupling", card, add)
 
 
-def _coupled(import_: Import, one: DeckCoupling) -> dict[str, Any]:
-    """Return the keys of a coupling that do not depend on its loads. Raises Refused."""
-    number = import_.names.mesh.node_number
-    if one.nodes is None:
-        assert one.facets is not None
-        group = import_.groups.add("skins", one.group, one.facets)
-    else:
-        loose = one.nodes[~import_.names.in_cells[one.nodes]]
-        if len(loose):
-            raise Refused(f"nodes {some(number[loose])} belong to no solid element")
-        group = import_.groups.add("nodes", one.group, one.nodes)
-    keys: dict[str, Any] = {"name": f"{one.group} {number[one.reference]}", "group": group, "kind": one.kind}
-    if import_.model != "axisymmetric":
-        keys["at"] = import_.names.mesh.points[one.reference][: import_.dim].tolist()
-    if one.weights:
-        keys["weights"] = [[int(number[node]), weight] for node, weight in one.weights.items()]
-    if _follows_partly(import_, one):
-        keys["components"] = [f"u{AXES[c]}" for c in one.components]
-    if one.axes:
-        keys["axes"] = import_.axes_in_model(one.axes)
-    return keys
-
-
-def _acting(import_: Import, one: DeckCoupling) -> dict[str, Any]:
-    """Return motions and loads at the reference node of a coupling. Raises Refused for mixed rotations."""
-    if import_.axes_at(one.reference) is not None:
+def _acting(import_: Import, reference: int, keys: dict[str, Any]) -> dict[str, Any]:
+    """Return motions and loads at the reference node of a coupling. Raises Refused for rotations that are not taken."""
+    if import_.axes_at(reference) is not None:
         raise Refused("the reference node of a coupling has the axes of the mesh; take its *TRANSFORM out")
-    if one.axes and any(motion(import_, one.reference, c) for c in range(3)):
+    if keys.get("axes") and any(motion(import_, reference, c) for c in range(3)):
         raise Refused("loads at a reference node are along the axes of the mesh; leave ORIENTATION out")
-    keys: dict[str, Any] = {}
+    acting: dict[str, Any] = {}
     for c in [1] if import_.model == "axisymmetric" else range(import_.dim):
-        keys |= motion(import_, one.reference, c)
+        acting |= motion(import_, reference, c)
     if import_.model == "axisymmetric":
-        return keys
-    turns = turning(import_, one.reference, None)
-    if import_.large:
-        _check_finite(import_, one, turns)
-    return keys | turns
-
-
-def _check_finite(import_: Import, one: DeckCoupling, turns: dict[str, Any]) -> None:
-    """Raise Refused for a coupling whose finite rotations are not available."""
-    values = turns.get("rotation", "free")
-    free = [value == "free" for value in (values if import_.dim == 3 and "rotation" in turns else [values])]
-    if one.kind == "distributing" and any(free) and not all(free):
+        return acting
+    acting |= turning(import_, reference, None)
+    turned = acting.get("rotation", "free")
+    free = [one == "free" for one in (turned if import_.dim == 3 and turned != "free" else [turned])]
+    if import_.large and keys["kind"] == "distributing" and any(free) and not all(free):
         message = "with NLGEOM a distributing coupling turns freely about all axes or about none"
         raise Refused(f"{message}; fix all or none, or make it *KINEMATIC")
-    if one.kind == "rigid" and (one.axes or _follows_partly(import_, one)) and any(free):
+    if import_.large and keys["kind"] == "rigid" and (keys.get("axes") or "components" in keys) and any(free):
         message = "with NLGEOM a coupling of some directions turns only as its rotations are prescribed"
         raise Refused(f"{message}; fix all of them, or let all directions follow")
-
-
-def _follows_partly(import_: Import, one: DeckCoupling) -> bool:
-    """True for a kinematic coupling of some directions."""
-    return one.kind == "rigid" and one.components != list(range(3)) and len(set(one.components)) < import_.dim
+    return acting
 
 
 # ---- sectors
