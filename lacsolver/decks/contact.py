@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from lacmesh.topology.skin import FaceIncidence, facets_of
 from lacsolver.case import Case, CaseError, Contact, Issue
 from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused, look_up
 from lacsolver.decks.histories import from_step_on
-from lacsolver.decks.import_ import Import
+from lacsolver.decks.import_ import Import, Interaction, Pair
 from lacsolver.decks.joints import cyclic_tie
 from lacsolver.decks.materials import check_rows
 from lacsolver.decks.names import SIDES
@@ -26,45 +24,10 @@ from lacsolver.validation import validate
 
 #: distance within which CalculiX ties, relative to the size of an element (manual of CalculiX, *TIE)
 _TIED = 0.025
+#: what the first number of LINEAR contact is
+_STIFFNESS = "the pressure per overlap"
 #: largest difference of gaps that are taken for one, relative to the extent of the mesh
 _EVEN = 1e-6
-
-
-@dataclass
-class Interaction:
-    """Surface interaction: `stiffness` of linear contact, {} if hard; keys of a `curve`; `tied`; and its friction.
-
-    `stiffness`: that from each step on, -1 for the model's; `friction`: coefficient, likewise, inf if rough;
-    `shear_limit`: the largest stress of friction, None without a limit. `damping`: pressure per approach velocity, and
-    its card; None without.
-    """
-
-    card: Card
-    stiffness: dict[int, float] = field(default_factory=dict)
-    curve: dict[str, Any] = field(default_factory=dict)
-    tied: bool = False
-    friction: dict[int, float] = field(default_factory=dict)
-    shear_limit: float | None = None
-    damping: tuple[float, Card] | None = None
-
-
-@dataclass
-class Pair:
-    """A contact pair or a tie: names of its skins, and the keys of the record that do not depend on others.
-
-    `clearance`: the gap that replaces the one of the mesh, and its card. `changes`: the steps in which the contact is
-    removed (False) or added again (True), and the card that says so. `record`: keys of the [[contact]], once made.
-    """
-
-    slave: str
-    master: str
-    interaction: str
-    keys: Mapping[str, Any]
-    card: Card
-    tie: bool = False
-    clearance: tuple[float, Card] | None = None
-    changes: list[tuple[int, bool, Card]] = field(default_factory=list)
-    record: dict[str, Any] = field(default_factory=dict)
 
 
 # ---- surface interactions
@@ -75,21 +38,15 @@ def interaction(import_: Import, card: Card) -> None:
     import_.interactions[key_of(card.needed("NAME"))] = Interaction(card)
 
 
-def _begun(import_: Import) -> Interaction:
-    """Return the surface interaction begun last. Raises Refused before the first."""
-    which: Interaction = import_.begun("SURFACE INTERACTION")
-    return which
-
-
 def behavior(import_: Import, card: Card) -> None:
     """Take hard contact, linear pressure over overlap, and contact that is tied."""
     kind = card.word("PRESSURE-OVERCLOSURE", "HARD")
     if import_.in_step:
         _changed_behavior(import_, card, kind)
         return
-    which = _begun(import_)
+    which = import_.interaction
     if kind in ("LINEAR", "TIED"):
-        which.stiffness, which.tied = {-1: _pressure_per_overlap(card)}, kind == "TIED"
+        which.stiffness, which.tied = {-1: card.first(_STIFFNESS).positive(0, _STIFFNESS)}, kind == "TIED"
         if which.tied:
             import_.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
     elif kind == "EXPONENTIAL":
@@ -104,10 +61,6 @@ def behavior(import_: Import, card: Card) -> None:
         )
 
 
-def _pressure_per_overlap(card: Card) -> float:
-    return card.first("the pressure per overlap").positive(0, "the pressure per overlap")
-
-
 def change(import_: Import, card: Card) -> None:
     """Begin a change of a surface interaction from a step on; *SURFACE BEHAVIOR or *FRICTION follows."""
     look_up(import_.interactions, card.needed("INTERACTION"), "*SURFACE INTERACTION")
@@ -119,8 +72,7 @@ def _changed(import_: Import, name: str) -> Interaction:
     card = import_.step.changes.get(name.replace(" ", ""))
     if card is None:
         raise Refused(f"in a step it belongs after *{name}, INTERACTION=name; write that")
-    which: Interaction = import_.interactions[key_of(card.needed("INTERACTION"))]
-    return which
+    return import_.interactions[key_of(card.needed("INTERACTION"))]
 
 
 def _changed_behavior(import_: Import, card: Card, kind: str) -> None:
@@ -131,7 +83,7 @@ def _changed_behavior(import_: Import, card: Card, kind: str) -> None:
             "a step changes the pressure per overlap of LINEAR contact, and hard, tied and curved contact keep their "
             "law for all steps; say LINEAR in the model and in the step"
         )
-    which.stiffness[len(import_.steps) - 1] = _pressure_per_overlap(card)
+    which.stiffness[len(import_.steps) - 1] = card.first(_STIFFNESS).positive(0, _STIFFNESS)
 
 
 def _exponential(import_: Import, card: Card) -> dict[str, Any]:
@@ -158,13 +110,13 @@ def damping(import_: Import, card: Card) -> None:
     value = row.number(0, "the damping coefficient")
     if value < 0 or row.number(1, "the clearance without damping", 0.0):
         raise Refused("the coefficient should not be negative, and acts where surfaces overlap: give it alone", row)
-    _begun(import_).damping = value, card
+    import_.interaction.damping = value, card
 
 
 def friction(import_: Import, card: Card) -> None:
     """Take Coulomb friction, with a largest stress (TAUMAX), or ROUGH surfaces, which do not slip while they touch."""
     now = len(import_.steps) - 1 if import_.in_step else -1
-    which = _changed(import_, "CHANGE FRICTION") if import_.in_step else _begun(import_)
+    which = _changed(import_, "CHANGE FRICTION") if import_.in_step else import_.interaction
     if "ROUGH" in card.options:
         which.friction[now] = math.inf
         return
@@ -319,8 +271,7 @@ def _interaction(import_: Import, pair: Pair) -> Interaction | None:
     """Return the surface interaction of a contact pair. Raises Refused if it is not there."""
     if pair.tie or not pair.interaction:
         return None
-    which: Interaction = import_.interactions[look_up(import_.interactions, pair.interaction, "*SURFACE INTERACTION")]
-    return which
+    return import_.interactions[look_up(import_.interactions, pair.interaction, "*SURFACE INTERACTION")]
 
 
 def _tied_within(import_: Import, name: str, slave: Ints, master: Ints, pair: Pair) -> float | None:
@@ -419,25 +370,23 @@ def set_clearances(import_: Import, case: Case, mesh: Mesh) -> bool:
 
     Raises CaseError for another gap.
     """
-    wanted = {id(pair.record): pair for pair in import_.pairs if pair.clearance and pair.record}
-    zones = {zone.slave: zone for zone in validate(case, mesh).zones} if wanted else {}
+    pairs = [pair for pair in import_.pairs if pair.clearance and pair.record]
+    wanted = {id(pair.record): (pair.record, *pair.clearance) for pair in pairs if pair.clearance}
+    gaps = {zone.slave: zone.gap for zone in validate(case, mesh).zones} if wanted else {}
     mistakes = []
-    for pair in wanted.values():
-        value, card = pair.clearance
-        zone = zones.get(pair.record["slave"])
-        low, high = zone.gap if zone else (np.nan, np.nan)
-        gap = even_gap((low, high), mesh)
+    for record, value, card in wanted.values():
+        found = gaps.get(record["slave"], (np.nan, np.nan))
+        gap = even_gap(found, mesh)
         if gap is None:
-            message = (
-                f"the gap in the mesh is from {low:.6g} to {high:.6g}, and a clearance of lacsolver is added to it"
-            )
-            message += ": it replaces an even gap only; move the nodes in the mesh instead"
+            message = f"the gap in the mesh is from {found[0]:.6g} to {found[1]:.6g}"
+            message += ", and a clearance of lacsolver adds to it: it replaces an even gap only"
+            message += "; move the nodes in the mesh instead"
             mistakes.append(Issue(f"{card.of.place}: *{card.of.name}: {message}"))
             continue
-        of_steps = pair.record.get("clearance", [[0.0, 0.0]])  # of contact that is removed for some of them
+        of_steps = record.get("clearance", [[0.0, 0.0]])  # of contact that is removed for some of them
         shift = value - (gap - of_steps[0][1])
         shifted = [[t, more + shift] for t, more in of_steps]
-        pair.record["clearance"] = shifted if "clearance" in pair.record else shift
+        record["clearance"] = shifted if "clearance" in record else shift
     if mistakes:
         raise CaseError(mistakes)
     return bool(wanted)

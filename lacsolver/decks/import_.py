@@ -8,11 +8,11 @@ are indices into the mesh of the deck, a facet 8 times its cell and its place am
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from lacsolver.decks.histories import Amplitude, Assigned, DeckStep, Orders, Poi
 from lacsolver.decks.names import Names
 from lacsolver.space.axes import cartesian, cylindrical
 
+_Begun = TypeVar("_Begun")
 AXES = ("x", "y", "z")
 #: model of a case by the plane elements of a deck
 MODELS = {"CPS": "plane_stress", "CPE": "plane_strain", "CAX": "axisymmetric"}
@@ -92,6 +93,43 @@ class DeckRigid(NamedTuple):
 
 
 @dataclass
+class Interaction:
+    """Surface interaction: `stiffness` of linear contact, {} if hard; keys of a `curve`; `tied`; and its friction.
+
+    `stiffness`: that from each step on, -1 for the model's; `friction`: coefficient, likewise, inf if rough;
+    `shear_limit`: the largest stress of friction, None without a limit. `damping`: pressure per approach velocity, and
+    its card; None without.
+    """
+
+    card: Card
+    stiffness: dict[int, float] = field(default_factory=dict)
+    curve: dict[str, Any] = field(default_factory=dict)
+    tied: bool = False
+    friction: dict[int, float] = field(default_factory=dict)
+    shear_limit: float | None = None
+    damping: tuple[float, Card] | None = None
+
+
+@dataclass
+class Pair:
+    """A contact pair or a tie: names of its skins, and the keys of the record that do not depend on others.
+
+    `clearance`: the gap that replaces the one of the mesh, and its card. `changes`: the steps in which the contact is
+    removed (False) or added again (True), and the card that says so. `record`: keys of the [[contact]], once made.
+    """
+
+    slave: str
+    master: str
+    interaction: str
+    keys: Mapping[str, Any]
+    card: Card
+    tie: bool = False
+    clearance: tuple[float, Card] | None = None
+    changes: list[tuple[int, bool, Card]] = field(default_factory=list)
+    record: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
 class Import:
     """An import: what the cards have given so far, in their order, and what was found.
 
@@ -116,8 +154,8 @@ class Import:
     orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
     amplitudes: dict[str, Amplitude] = field(default_factory=dict)
-    interactions: dict[str, Any] = field(default_factory=dict)
-    pairs: list[Any] = field(default_factory=list)
+    interactions: dict[str, Interaction] = field(default_factory=dict)
+    pairs: list[Pair] = field(default_factory=list)
     bodies: list[DeckRigid] = field(default_factory=list)
     references: list[int] = field(default_factory=list)
     equated: list[int] = field(default_factory=list)
@@ -169,12 +207,15 @@ class Import:
         """The reference nodes, and the nodes that hold the rotations of rigid bodies."""
         return [*self.references, *(body.rotation for body in self.bodies if body.rotation is not None)]
 
-    def begun(self, what: str) -> Any:
-        """Return the material or the surface interaction begun last. Raises Refused before the first."""
-        known = self.materials if what == "MATERIAL" else self.interactions
-        if not known:
-            raise Refused(f"it belongs after *{what}, NAME=name; move it there")
-        return next(reversed(known.values()))
+    @property
+    def material(self) -> DeckMaterial:
+        """The material begun last. Raises Refused before the first."""
+        return _last(self.materials, "MATERIAL")
+
+    @property
+    def interaction(self) -> Interaction:
+        """The surface interaction begun last. Raises Refused before the first."""
+        return _last(self.interactions, "SURFACE INTERACTION")
 
     def material_of(self, section: DeckSection) -> DeckMaterial:
         """Return the material of a section. Raises Refused if the deck has none of this name."""
@@ -368,3 +409,10 @@ class Import:
     def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
         """Add what would change the answer, and is not taken."""
         self.tell("error", card, message, row)
+
+
+def _last(known: Mapping[str, _Begun], what: str) -> _Begun:
+    """Return what was begun last. Raises Refused before the first."""
+    if not known:
+        raise Refused(f"it belongs after *{what}, NAME=name; move it there")
+    return list(known.values())[-1]

@@ -25,17 +25,11 @@ def material(import_: Import, card: Card) -> None:
     import_.materials[key_of(name)] = DeckMaterial(name, card)
 
 
-def _keys(import_: Import) -> dict[str, Any]:
-    """Return the keys of the material begun last."""
-    keys: dict[str, Any] = import_.begun("MATERIAL").keys
-    return keys
-
-
 def _without_law(import_: Import) -> dict[str, Any]:
     """Return the keys of the material begun last. Raises Refused if it has an elastic law."""
-    if "law" in _keys(import_):
+    if "law" in import_.material.keys:
         raise Refused("this material has an elastic law already; keep one")
-    return _keys(import_)
+    return import_.material.keys
 
 
 def elastic(import_: Import, card: Card) -> None:
@@ -65,7 +59,7 @@ def hyperelastic(import_: Import, card: Card) -> None:
 
 def plastic(import_: Import, card: Card) -> None:
     """Take the hardening of a metal that yields, isotropic by a table or kinematic by two lines."""
-    keys = _keys(import_)
+    keys = import_.material.keys
     if keys.get("law") != "elastic":
         raise Refused("it should follow an isotropic *ELASTIC of the same material")
     kind = card.word("HARDENING", "ISOTROPIC")
@@ -103,7 +97,7 @@ def check_rows(card: Card, rows: list[list[float]], make: Callable[[list[list[fl
 
 def density(import_: Import, card: Card) -> None:
     """Take the density of a material."""
-    _keys(import_)["density"] = card.single("the density").number(0, "the density")
+    import_.material.keys["density"] = card.single("the density").number(0, "the density")
 
 
 def expansion(import_: Import, card: Card) -> None:
@@ -113,12 +107,12 @@ def expansion(import_: Import, card: Card) -> None:
     if not count:
         raise Refused(f"expansion of type {kind} is not taken; give ISO, or ORTHO with an orthotropic material")
     values = card.single("the expansion").numbers(0, count, "the expansion")
-    _keys(import_)["expansion"] = values[0] if count == 1 else values
+    import_.material.keys["expansion"] = values[0] if count == 1 else values
 
 
 def damping(import_: Import, card: Card) -> None:
     """Take the Rayleigh damping of a material: ALPHA times its mass, BETA times its stiffness."""
-    import_.begun("MATERIAL").damping = (card.number("ALPHA", 0.0), card.number("BETA", 0.0))
+    import_.material.damping = (card.number("ALPHA", 0.0), card.number("BETA", 0.0))
 
 
 def orientation(import_: Import, card: Card) -> None:
