@@ -8,14 +8,13 @@ are indices into the mesh of the deck, a facet 8 times its cell and its place am
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.deck import key_of
 from lacmesh.mesh import Floats, Ints
@@ -308,30 +307,15 @@ class Import:
     def orders(self, kind: str, lines: Sequence[Assigned]) -> Orders:
         """Return the orders of some lines; a load that a step removes (OP=NEW) goes to 0 in it.
 
-        Raises Refused for supports and temperatures that a step removes.
+        Supports and temperatures that a step removes are a finding.
         """
-        adds, count = kind not in ("displacement", "spin", "temperature"), COMPONENTS[kind]
-        whole = Orders.of(lines, self.steps, count, adds)
-        if not len(lines):
-            return whole
-
-        def named(some: Iterable[Assigned]) -> NDArray[np.bool_]:
-            mask = np.zeros((count, len(whole.items)), bool)
-            for line in some:
-                for c in line.components:
-                    mask[c, np.searchsorted(whole.items, line.items)] = True
-            return mask
-
-        for now, card in self.removed.get(kind, {}).items():
-            before = named(line for line in lines if line.step < now)
-            lost = before & ~named(line for line in lines if line.step == now)
-            if adds:
-                whole.value[now][lost] = 0.0
-            elif lost.any():
-                row = card.rows[0] if card.rows else None
-                with self.taking(card):
-                    raise Refused("what OP=NEW removes stays in lacsolver; repeat it in this step", row)
-        return whole
+        cards, adds = self.removed.get(kind, {}), kind not in ("displacement", "spin", "temperature")
+        orders = Orders.of(lines, self.steps, COMPONENTS[kind], adds, cards)
+        for card in [] if adds else [cards[step] for step in orders.removed]:
+            row = card.rows[0] if card.rows else None
+            with self.taking(card):
+                raise Refused("what OP=NEW removes stays in lacsolver; repeat it in this step", row)
+        return orders
 
     def history(self, kind: str, node: int, c: int) -> Points | None:
         """Return the history of a component of one node, None if the deck says nothing of it. Raises Refused."""
@@ -339,11 +323,10 @@ class Import:
         if not lines:
             return None
         orders = self.orders(kind, lines)
-        late = np.isnan(orders.value[0]) & orders.given
-        if kind in ("displacement", "spin") and late.any():
-            component, at = np.argwhere(late)[0].tolist()
+        late = [k for k in range(len(orders.label)) if any(orders.order_of(k, 0)) and orders.order_of(k, 0)[0] is None]
+        if kind in ("displacement", "spin") and late:
             message = "this motion of a reference node begins after the first step, and lacsolver's from the beginning"
-            line = orders.line_of(at, component)
+            line = orders.line_of(0, late[0])
             message += "; prescribe it in the first step too, or compute the steps apart"
             raise Refused(message, line.row, line.card)
         return orders.history(node, c)

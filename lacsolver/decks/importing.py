@@ -71,11 +71,11 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
     _raise(import_)
     mesh = import_.groups.written()
     _name_kinds(import_, mesh)
-    case = _case(import_, path, case_path)
+    case, text = _case(import_, path, case_path)
     if contact.set_clearances(import_, case, mesh):
-        case = _case(import_, path, case_path)
+        case, text = _case(import_, path, case_path)
     findings = sorted(dict.fromkeys(import_.findings), key=lambda one: (one.file, one.line))
-    return Imported(mesh, case, import_.text(path.name), tuple(findings))
+    return Imported(mesh, case, text, tuple(findings))
 
 
 def _with_cards(mesh: Mesh, lenient: bool, partial: bool) -> Import:
@@ -156,11 +156,11 @@ def _name_kinds(import_: Import, mesh: Mesh) -> None:
             record.keys["kind"] = "node"
 
 
-def _case(import_: Import, path: Path, case_path: Path) -> Case:
-    """Return the case of the records. Raises CaseError, with the card that each wrong record comes from."""
+def _case(import_: Import, path: Path, case_path: Path) -> tuple[Case, str]:
+    """Return the case of the records, and its text. Raises CaseError, with the card that each wrong record comes from."""
     text = import_.text(path.name)
     try:
-        return parse_case(text, case_path)
+        return parse_case(text, case_path), text
     except CaseError as error:
         lines = text.splitlines()
         raise CaseError([Issue(f"{_origin(lines, p.line)}{p.message}") for p in error.problems]) from None

@@ -11,7 +11,7 @@ import numpy as np
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Card, DeckLine, Refused
-from lacsolver.decks.histories import JUMP, Assigned, Orders, Points, same_columns, scaled, written
+from lacsolver.decks.histories import JUMP, Assigned, Orders, Points, scaled, written
 from lacsolver.decks.import_ import AXES, Import
 from lacsolver.decks.materials import expanding, initial_temperatures
 from lacsolver.decks.names import SIDES
@@ -223,7 +223,8 @@ def _by_begin(
     Raises Refused for a support that begins as bodies move.
     """
     at = int(np.searchsorted(prescribed.items, part.items[0]))
-    first = {c: int(np.argmin(np.isnan(prescribed.value[:, c, at]))) for c in histories if c < import_.dim}
+    orders = {c: prescribed.order_of(c, at) for c in histories if c < import_.dim}
+    first = {c: next(k for k, given in enumerate(order) if given) for c, order in orders.items()}
     for k in sorted(set(first.values())):
         own = {c: points for c, points in histories.items() if first.get(c) == k}
         if k == 0:
@@ -233,7 +234,7 @@ def _by_begin(
         if step.begin >= import_.ramped and step.alpha is not None:
             message = "this support begins in a step of *DYNAMIC, and what moves would stop at once"
             raise Refused(f"{message}; hold it from the start, or in a static step before", line.row, line.card)
-        jumps = step.sudden or (prescribed.amplitude[k, list(own), at] >= 0).any()
+        jumps = step.sudden or any(given and given[1] for given in (orders[c][k] for c in own))
         reached = step.begin + JUMP * step.period if jumps else step.end
         yield line, {"begin": step.begin, "reached": reached}, own
 
@@ -247,14 +248,14 @@ def _add_held(import_: Import, prescribed: Orders) -> None:
     for line in import_.lines("held"):
         with import_.taking(line.card):
             step, known = import_.steps[line.step], np.isin(prescribed.items, line.items)
-            there, value = prescribed.items[known], prescribed.value[:, :, known]
-            moved = ~np.isnan(value[line.step :]).all(axis=0)
-            changed = np.asarray(moved | (prescribed.amplitude[:, :, known] >= 0).any(axis=0))
-            if changed[list(line.components)].any() or step.alpha is not None:
+            there, label = prescribed.items[known], prescribed.label[:, known]
+            orders = [prescribed.orders[k] for k in np.unique(label[list(line.components)]).tolist() if k >= 0]
+            moved = any(any(order[line.step :]) or any(one and one[1] for one in order) for order in orders)
+            if moved or step.alpha is not None:
                 message = "FIXED holds nodes that this step or a later one moves, or that an amplitude or a motion does"
                 raise Refused(f"{message}; write their displacement", line.row, line.card)
             for c in (c for c in line.components if c < import_.dim):
-                free = np.setdiff1d(line.items, np.append(there[~np.isnan(value[:, c]).all(axis=0)], stay[c]))
+                free = np.setdiff1d(line.items, np.append(there[label[c] >= 0], stay[c]))
                 stay[c] = np.union1d(stay[c], free)
                 for axes, nodes in import_.by_axes(free):
                     group = import_.node_group(line.name if len(nodes) == len(line.items) else "", nodes, "held")
@@ -380,7 +381,7 @@ def _add_temperatures(import_: Import, lines: list[Assigned], cells: Ints) -> No
     mesh = import_.names.mesh
     prescribed = import_.orders("temperature", lines)
     row_of, start = np.full(mesh.n_nodes, -1), initial_temperatures(import_)
-    row_of[prescribed.items], first = same_columns(prescribed.value[:, 0], prescribed.amplitude[:, 0])
+    row_of[prescribed.items] = prescribed.label[0]
     code = np.full(mesh.n_cells, -1)
     for _, own, nodes in mesh.select(cells):
         rows = row_of[nodes]
@@ -391,8 +392,9 @@ def _add_temperatures(import_: Import, lines: list[Assigned], cells: Ints) -> No
         code[own] = rows[:, 0]
     warm = cells[code[cells] >= 0]
     kinds, which = np.unique(np.stack([code[warm], start[warm]], axis=1), axis=0, return_inverse=True)
-    for k, (row, T) in enumerate(kinds.tolist()):
-        own, at = warm[which.ravel() == k], int(first[int(row)])
+    values = [[np.inf if one is None else one[0] for one in order] for order in prescribed.orders]
+    for k, (row, T) in sorted(enumerate(kinds.tolist()), key=lambda one: values[int(one[1][0])]):
+        own, at = warm[which.ravel() == k], int(np.flatnonzero(prescribed.label[0] == row)[0])
         points = prescribed.history(int(prescribed.items[at]), 0, T)
         value = written(points or [(0.0, T)], import_.ramped, T)
         if value == T:

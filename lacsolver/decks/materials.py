@@ -205,9 +205,8 @@ def rubber(row: DeckLine) -> dict[str, float]:
 def top(import_: Import) -> None:
     """Set the model, the thickness and the kinematics. Raises Refused."""
     if import_.dim != 3 and import_.names.mesh.plane not in MODELS:
-        raise Refused(
-            "its elements are of several plane kinds, or of none: lacsolver has one of CPS, CPE, CAX in a model"
-        )
+        message = "its elements are of several plane kinds, or of none: lacsolver has one of CPS, CPE, CAX in a model"
+        raise Refused(message, None, Card.from_deck(next(import_.names.deck.named("ELEMENT"))))
     import_.top["model"] = import_.model
     if import_.model.startswith("plane"):
         import_.top["thickness"] = _thickness(import_)

@@ -174,6 +174,17 @@ def test_a_moment_and_a_force_that_a_step_removes(tmp_path):
     assert [body.moment[0].at(t) for t in (1.0, 1.5, 2.0)] == [2, 1, 0]
 
 
+def test_a_load_beside_the_centre_of_its_weights_is_warned_of(tmp_path):
+    """CalculiX lets it act at the centre, Abaqus and lacsolver at the node; a node at the centre has no warning."""
+    for x, count in ((0.5, 0), (0.9, 1)):
+        node = f"*NODE\n999, {x}, 1., 3.\n*ELEMENT, TYPE=DCOUP3D, ELSET=D\n77, 999\n"
+        coupled = f"{node}*DISTRIBUTING COUPLING, ELSET=D\nB_Z1, 1.\n*SOLID SECTION, ELSET=D, MATERIAL=EL\n"
+        made = imported(tmp_path, bodies(COLUMN) + coupled + held() + step("*CLOAD\n999, 3, 4.\n"))
+        assert sum("centre of the weights" in one.message for one in made.findings) == count
+        assert sum("have no material" in one.message for one in made.findings) == 1
+        assert made.case.coupling[0].at == (x, 1, 3)
+
+
 def test_constants_that_are_equal_at_all_temperatures(tmp_path):
     text = bodies(COLUMN).replace("*ELASTIC\n1000., 0.3", "*ELASTIC\n1000., 0.3, 0.\n1000., 0.3, 500.")
     assert imported(tmp_path, text + held() + step("")).case.material[0].young == 1000
