@@ -157,7 +157,7 @@ def _name_kinds(import_: Import, mesh: Mesh) -> None:
 
 
 def _case(import_: Import, path: Path, case_path: Path) -> tuple[Case, str]:
-    """Return the case of the records, and its text. Raises CaseError, with the card that each wrong record comes from."""
+    """Return the case of the records, and its text. Raises CaseError, with the card that a wrong record comes from."""
     text = import_.text(path.name)
     try:
         return parse_case(text, case_path), text
