@@ -181,6 +181,10 @@ def _material(export: Export, record: Material) -> None:
         option = f", ORIENTATION=O{number}"
     elif record.law in ("elastic", "saint_venant_kirchhoff", "plastic"):
         cards.append(_card("ELASTIC", (record.young, record.poisson)))
+    elif record.law == "neo_hookean" and isinstance(record.young, float) and isinstance(record.poisson, float):
+        shear, bulk = record.young / (2 + 2 * record.poisson), record.young / (3 - 6 * record.poisson)
+        cards.append(_card("HYPERELASTIC, NEO HOOKE", (shear / 2, 2 / bulk)))
+        export.notes.append("[[material]]: NEO HOOKE has another energy of the change of volume than neo_hookean")
     else:
         export.lack(record, f"CalculiX has another energy than the law {record.law}", "law")
     if record.hardening:
@@ -215,9 +219,20 @@ def _skins(export: Export, record: Contact | Tie) -> tuple[str, str]:
     return label(slave), label(master)
 
 
+def _check_cells(export: Export, record: Contact) -> None:
+    """Raise CaseError for a surface without cells behind it, which would be elements of the deck."""
+    for name in record.surfaces or (record.slave, record.master):
+        if np.isnan(Surface.of(export.mesh, export.mesh.cell_groups[name]).depth).any():
+            message = (
+                f"{name!r} has faces without a cell behind them, of which CalculiX has no contact; give them cells"
+            )
+            raise CaseError([record.wrong(message)], export.case.path)
+
+
 def _contact(export: Export, record: Contact) -> None:
     """Add a surface interaction and a contact pair; rigid contact has a penalty."""
     slave, master = _skins(export, record)
+    _check_cells(export, record)
     number = sum(card.startswith("*SURFACE INTERACTION") for card in export.model) + 1
     faces = Surface.of(export.mesh, export.mesh.cell_groups[(record.surfaces or (record.slave,))[0]])
     size = float(np.mean(face_measure(faces) ** (1 / faces.dim)))

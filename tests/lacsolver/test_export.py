@@ -95,6 +95,19 @@ def test_a_rigid_body_and_springs(tmp_path):
     assert body.rotation is None and [one.at(1) for one in body.moment] == [0, 0, 4]
 
 
+def test_rubber_and_a_wall_without_cells(tmp_path):
+    """The constants of rubber come back; a wall of faces alone has no contact in CalculiX, with --partial neither."""
+    changes = {"model": 'kinematics = "finite"\n', "young": 'law = "neo_hookean"\n', "value": "follower = true\n"}
+    (note, _) = export_deck(case_of(tmp_path, **changes), tmp_path / "job.inp")
+    assert "another energy" in note
+    (material,) = import_deck(tmp_path / "job.inp", tmp_path / "again.toml").case.material
+    assert (material.law, material.young, material.poisson) == ("neo_hookean", pytest.approx(2000), pytest.approx(0.3))
+    wall = read_case(DATA / "impact" / "bar_on_wall.toml")
+    with pytest.raises(CaseError, match=r"bar_on_wall.toml, line \d+: .*faces without a cell behind them"):
+        export_deck(wall, tmp_path / "wall.inp", partial=True)
+    assert not (tmp_path / "wall.inp").exists()
+
+
 def test_each_section_is_written_or_lacking():
     assert set(HANDLERS) <= {(path[0]) for path, _ in read_case(DATA / "two_blocks.toml").records()} | {
         "tie", "force", "gravity", "rigid", "spring", "displacement",
