@@ -219,14 +219,12 @@ def _skins(export: Export, record: Contact | Tie) -> tuple[str, str]:
     return label(slave), label(master)
 
 
-def _check_cells(export: Export, record: Contact) -> None:
+def _check_cells(export: Export, record: Contact | Tie) -> None:
     """Raise CaseError for a surface without cells behind it, which would be elements of the deck."""
     for name in record.surfaces or (record.slave, record.master):
         if np.isnan(Surface.of(export.mesh, export.mesh.cell_groups[name]).depth).any():
-            message = (
-                f"{name!r} has faces without a cell behind them, of which CalculiX has no contact; give them cells"
-            )
-            raise CaseError([record.wrong(message)], export.case.path)
+            message = f"{name!r} has faces without a cell behind them, of which CalculiX has no contact"
+            raise CaseError([record.wrong(f"{message}; give them cells")], export.case.path)
 
 
 def _contact(export: Export, record: Contact) -> None:
@@ -236,7 +234,7 @@ def _contact(export: Export, record: Contact) -> None:
     number = sum(card.startswith("*SURFACE INTERACTION") for card in export.model) + 1
     faces = Surface.of(export.mesh, export.mesh.cell_groups[(record.surfaces or (record.slave,))[0]])
     size = float(np.mean(face_measure(faces) ** (1 / faces.dim)))
-    young = max(float(np.max(one.young)) for one in export.case.material if one.young is not None)
+    young = max((float(np.max(one.young)) for one in export.case.material if one.young is not None), default=1.0)
     stiffness = PENALTY * young / size
     if record.type != "unilateral":
         export.lack(record, "contact can open there", "type")
@@ -285,6 +283,7 @@ def _constant(export: Export, record: Contact, key: str) -> float:
 
 def _tie(export: Export, record: Tie) -> None:
     """Add a tie."""
+    _check_cells(export, record)
     distance = "" if record.search_distance is None else f", POSITION TOLERANCE={record.search_distance!r}"
     number = sum(card.startswith("*TIE") for card in export.model) + 1
     export.model.append(_card(f"TIE, NAME=T{number}{distance}", _skins(export, record)))
