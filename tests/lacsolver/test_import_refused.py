@@ -383,7 +383,7 @@ def damaged(number):
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("number", sorted({*range(samples(40, 4000)), 1462}))
+@pytest.mark.parametrize("number", sorted({*range(samples(40, 4000)), 1462, 1507}))
 def test_a_damaged_deck(tmp_path, number):
     text, lenient = damaged(number)
     try:
