@@ -187,7 +187,7 @@ def _faces_of_side(
             if facet is not None:
                 face = CELLS[cell_type].facets[facet]
                 parts.append((face.type, nodes[kind[cells] == code][:, face.nodes]))
-            elif label[:1] in "SE" and label[1:].isdigit() and code in (SOLID, PLANE):
+            elif label[:1] in "SE" and label[1:].isdecimal() and code in (SOLID, PLANE):
                 raise card.error(f"a surface names the face {label} of a {cell_type}, which has none")
             else:
                 unknown[f"{label} of {cell_type}"] = None
