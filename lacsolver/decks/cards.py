@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lacmesh.deck import DataLine, DeckCard, key_of
 from lacmesh.errors import did_you_mean
-from lacsolver.case.errors import Mistake
-from lacsolver.case.kinds import Kind
+
+
+class Refused(Exception):  # noqa: N818 (never leaves this package: it becomes a Finding)
+    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try.
+
+    `card`: the card, if it is not the one that is being read.
+    """
+
+    def __init__(self, message: str, row: DeckLine | None = None, card: Card | None = None) -> None:
+        super().__init__(message)
+        self.message, self.row, self.card = message, row, card
+
+
+class Lacking(Refused):
+    """A card that lacsolver has no place for, and that may be left out as a whole if the user says so."""
 
 
 class DeckLine(NamedTuple):
@@ -46,18 +59,16 @@ class DeckLine(NamedTuple):
             raise Refused(f"{what} should be a finite number, not {text[:40]!r}", self)
         return value
 
+    def numbers(self, first: int, count: int, what: str, default: float | None = None) -> list[float]:
+        """Return `count` fields from `first` on as real numbers. Raises Refused."""
+        return [self.number(k, what, default) for k in range(first, first + count)]
+
     def positive(self, k: int, what: str) -> float:
         """Return field k as a number above 0. Raises Refused."""
         value = self.number(k, what)
         if not value > 0:
             raise Refused(f"{what} should be positive, not {value:g}", self)
         return value
-
-    def two_skins(self) -> tuple[str, ...]:
-        """Return the names of a slave and a master. Raises Refused for a line of more or fewer."""
-        if len(self.fields) != 2:
-            raise Refused("a line should be a slave surface and a master surface", self)
-        return self.fields
 
     def whole(self, k: int, what: str, default: int | None = None) -> int:
         """Return field k as a whole number; `default` where it is blank. Raises Refused."""
@@ -68,29 +79,29 @@ class DeckLine(NamedTuple):
             raise Refused(f"{what} should be a whole number, not {text[:40]!r}", self)
         return int(text)
 
-
-class Refused(Exception):  # noqa: N818 (never leaves this package: it becomes a Finding)
-    """A card, or the line `row` of it, cannot be taken; the message says why, and what to try.
-
-    `card`: the card, if it is not the one that is being read.
-    """
-
-    def __init__(self, message: str, row: DeckLine | None = None, card: Card | None = None) -> None:
-        super().__init__(message)
-        self.message = message
-        self.row = row
-        self.card = card
-
-
-class Lacking(Refused):
-    """A card that lacsolver has no place for, and that may be left out as a whole if the user says so."""
+    def two_skins(self) -> tuple[str, ...]:
+        """Return the names of a slave and a master. Raises Refused for a line of more or fewer."""
+        if len(self.fields) != 2:
+            raise Refused("a line should be a slave surface and a master surface", self)
+        return self.fields
 
 
 @dataclass(frozen=True)
 class Card:
-    """A card of a deck, with its options and data lines as numbers and names."""
+    """A card of a deck, with its options and its data lines `rows`, as numbers and names."""
 
     of: DeckCard
+    rows: tuple[DeckLine, ...]
+
+    @classmethod
+    def from_deck(cls, card: DeckCard) -> Card:
+        """Return a card with all its data lines."""
+        return cls(card, tuple(map(DeckLine.of, card.data)))
+
+    @property
+    def lines(self) -> list[Card]:
+        """The card once for each of its data lines; itself if it has none."""
+        return [replace(self, rows=(row,)) for row in self.rows] or [self]
 
     @property
     def key(self) -> str:
@@ -102,14 +113,9 @@ class Card:
         """Values of the options as written, by name in capitals without blanks."""
         return {name.replace(" ", ""): value for name, value in self.of.options.items()}
 
-    @cached_property
-    def rows(self) -> tuple[DeckLine, ...]:
-        """The data lines."""
-        return tuple(DeckLine.of(line) for line in self.of.data)
-
-    def word(self, name: str) -> str:
-        """Return the value of an option in capitals without blanks; "" if the card does not have it."""
-        return "".join(self.options.get(name, "").strip('" ').split()).upper()
+    def word(self, name: str, default: str = "") -> str:
+        """Return the value of an option in capitals without blanks; the default if the card does not have it."""
+        return "".join(self.options.get(name, "").strip('" ').split()).upper() or default
 
     def needed(self, name: str) -> str:
         """Return the value of an option as written. Raises Refused if the card does not have it."""
@@ -128,11 +134,18 @@ class Card:
         return self.rows[0]
 
     def single(self, what: str) -> DeckLine:
-        """Return the only data line. Raises Refused if there is none, or more, for other temperatures."""
+        """Return the only data line, or the first of equal ones. Raises Refused for values of several temperatures."""
         row = self.first(what)
-        if len(self.rows) > 1:
+        if len({one.fields[:-1] for one in self.rows}) > 1:
             raise Refused(f"{what} that depend on temperature are not taken; give one line", self.rows[1])
         return row
+
+    def table(self, *what: str, blank: float | None = None) -> list[list[float]]:
+        """Return rows of two numbers at one temperature; `blank`: the second where it is blank. Raises Refused."""
+        self.first(f"{what[0]} and {what[1]}")
+        if len({row.number(2, "the temperature", 0.0) for row in self.rows}) > 1:
+            raise Refused("values that depend on temperature are not taken; give those of one", self.rows[-1])
+        return [[row.number(0, what[0]), row.number(1, what[1], blank)] for row in self.rows]
 
 
 class Finding(NamedTuple):
@@ -151,15 +164,6 @@ class Finding(NamedTuple):
     def text(self) -> str:
         """File, line, card and message."""
         return f"{self.file}, line {self.line}: *{self.card}: {self.message}"
-
-
-def check_rows(kind: Kind, rows: Sequence[Any], card: Card) -> None:
-    """Raise Refused, with the data line, for rows that the key of a case does not take."""
-    try:
-        kind.read(rows)
-    except Mistake as mistake:
-        at = mistake.inside[0] if mistake.inside else 0
-        raise Refused(f"it {mistake.message}", card.rows[int(at)]) from None
 
 
 def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:

@@ -28,17 +28,16 @@ class DeckGroups:
         nodes = {name: np.asarray(some) for name, some in mesh.node_groups.items() if len(some)}
         return cls(mesh, nodes, {name: cells for name, cells in solid.items() if len(cells)})
 
-    def add_nodes(self, name: str, nodes: Ints) -> str:
-        """Return the name of the group of these nodes, which is `name` unless other nodes have that."""
-        return _add(self.nodes, {}, name, np.unique(nodes))
-
-    def add_cells(self, name: str, cells: Ints) -> str:
-        """Return the name of the group of these cells, which is `name` unless others have that."""
-        return _add(self.cells, self.skins, name, np.unique(cells))
-
-    def add_skin(self, name: str, facets: Ints) -> str:
-        """Return the name of the group of these facets, which is `name` unless others have that."""
-        return _add(self.skins, self.cells, name, np.unique(facets))
+    def add(self, kind: str, name: str, members: Ints) -> str:
+        """Return the name of the group of `nodes`, `cells` or `skins`: `name`, with a number if others have it."""
+        own: dict[str, Ints] = getattr(self, kind)
+        others = {"nodes": {}, "cells": self.skins, "skins": self.cells}[kind]
+        chosen, k, members = name, 1, np.unique(members)
+        while chosen in others or (chosen in own and not np.array_equal(own[chosen], members)):
+            k += 1
+            chosen = f"{name}_{k}"
+        own[chosen] = members
+        return chosen
 
     def written(self) -> Mesh:
         """Return the mesh: the deck's nodes and solid cells, and skin cells, one for each facet of a skin."""
@@ -63,16 +62,6 @@ class DeckGroups:
             node_groups=self.nodes,
             name=mesh.name,
         )
-
-
-def _add(own: dict[str, Ints], others: dict[str, Ints], name: str, members: Ints) -> str:
-    """Store members under a name, or under the name and a number if others have it; return that name."""
-    chosen, k = name, 1
-    while chosen in others or (chosen in own and not np.array_equal(own[chosen], members)):
-        k += 1
-        chosen = f"{name}_{k}"
-    own[chosen] = members
-    return chosen
 
 
 def _skin_cells(mesh: Mesh, facets: Ints) -> tuple[list[tuple[str, Ints]], Ints]:

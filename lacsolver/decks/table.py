@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lacsolver.decks import joint_cards as joints
-from lacsolver.decks import material_cards as materials
-from lacsolver.decks import model_cards as model
-from lacsolver.decks import step_cards as steps
+from lacsolver.decks import bodies, contact, joints, loads, materials, steps
 from lacsolver.decks.cards import Card
-from lacsolver.decks.content import DeckContent
+from lacsolver.decks.import_ import Import
 
-Handler = Callable[[DeckContent, Card], None]
+Handler = Callable[[Import, Card], None]
 #: keyword without blanks -> its handler, the options that this takes, and those that have no effect here
-READ: dict[str, tuple[Handler, str, str]] = {
-    "ELEMENT": (model.element, "TYPE ELSET INPUT", ""),
-    "SURFACE": (model.surface, "NAME TYPE INSTANCE", "INTERNAL"),
+HANDLERS: dict[str, tuple[Handler, str, str]] = {
+    "ELEMENT": (bodies.element, "TYPE ELSET INPUT", ""),
+    "SURFACE": (bodies.surface, "NAME TYPE INSTANCE", "INTERNAL"),
     "MATERIAL": (materials.material, "NAME", ""),
     "ELASTIC": (materials.elastic, "TYPE", ""),
     "HYPERELASTIC": (materials.hyperelastic, "NEOHOOKE", ""),
@@ -26,18 +23,18 @@ READ: dict[str, tuple[Handler, str, str]] = {
     "DENSITY": (materials.density, "", ""),
     "EXPANSION": (materials.expansion, "TYPE ZERO", ""),
     "ORIENTATION": (materials.orientation, "NAME SYSTEM", "DEFINITION"),
-    "SOLIDSECTION": (materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
-    "AMPLITUDE": (model.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
-    "INITIALCONDITIONS": (steps.initial_conditions, "TYPE", ""),
-    "SURFACEINTERACTION": (model.interaction, "NAME", ""),
-    "SURFACEBEHAVIOR": (model.behavior, "PRESSURE-OVERCLOSURE", ""),
-    "CONTACTDAMPING": (model.damping, "DEFINITION TANGENTFRACTION", ""),
-    "FRICTION": (model.friction, "ROUGH TAUMAX", "SLIPTOLERANCE ELASTICSLIP LAGRANGE"),
-    "CHANGEFRICTION": (model.change, "INTERACTION", ""),
-    "CHANGESURFACEBEHAVIOR": (model.change, "INTERACTION", ""),
-    "CONTACTPAIR": (model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
-    "CLEARANCE": (model.clearance, "MASTER SLAVE VALUE", ""),
-    "TIE": (model.tie, "POSITIONTOLERANCE CYCLICSYMMETRY", "NAME ADJUST TYPE"),
+    "SOLIDSECTION": (materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS OFFSET"),
+    "AMPLITUDE": (steps.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
+    "INITIALCONDITIONS": (loads.initial_conditions, "TYPE", ""),
+    "SURFACEINTERACTION": (contact.interaction, "NAME", ""),
+    "SURFACEBEHAVIOR": (contact.behavior, "PRESSURE-OVERCLOSURE", ""),
+    "CONTACTDAMPING": (contact.damping, "DEFINITION TANGENTFRACTION", ""),
+    "FRICTION": (contact.friction, "ROUGH TAUMAX", "SLIPTOLERANCE ELASTICSLIP LAGRANGE"),
+    "CHANGEFRICTION": (contact.change, "INTERACTION", ""),
+    "CHANGESURFACEBEHAVIOR": (contact.change, "INTERACTION", ""),
+    "CONTACTPAIR": (contact.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
+    "CLEARANCE": (contact.clearance, "MASTER SLAVE VALUE", ""),
+    "TIE": (contact.tie, "POSITIONTOLERANCE CYCLICSYMMETRY", "NAME ADJUST TYPE"),
     "CYCLICSYMMETRYMODEL": (joints.cyclic_model, "N TIE", "ELSET NGRAPH CHECK"),
     "EQUATION": (joints.equation, "", ""),
     "MPC": (joints.mpc, "", ""),
@@ -47,24 +44,27 @@ READ: dict[str, tuple[Handler, str, str]] = {
     "KINEMATIC": (joints.kinematic, "", ""),
     "DISTRIBUTING": (joints.distributing, "WEIGHTINGMETHOD", "COUPLING"),
     "DISTRIBUTINGCOUPLING": (joints.distributing_coupling, "ELSET", ""),
-    "RIGIDBODY": (model.rigid_body, "NSET ELSET REFNODE ROTNODE", ""),
-    "SPRING": (model.spring, "ELSET", ""),
+    "RIGIDBODY": (bodies.rigid_body, "NSET ELSET REFNODE ROTNODE", ""),
+    "SPRING": (bodies.spring, "ELSET", ""),
     "STEP": (steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
+    "SELECTCYCLICSYMMETRYMODES": (steps.cyclic_modes, "NMIN NMAX", ""),
     "STATIC": (steps.static, "DIRECT", "SOLVER"),
     "FREQUENCY": (steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
     "DYNAMIC": (steps.dynamic, "ALPHA DIRECT EXPLICIT", "SOLVER"),
-    "DAMPING": (steps.damping, "ALPHA BETA", ""),
-    "MASS": (steps.mass, "ELSET", ""),
-    "ROTARYINERTIA": (steps.rotary_inertia, "ELSET", ""),
+    "DAMPING": (materials.damping, "ALPHA BETA", ""),
+    "MASS": (bodies.mass, "ELSET", ""),
+    "ROTARYINERTIA": (bodies.rotary_inertia, "ELSET", ""),
     "ENDSTEP": (steps.end_step, "", ""),
-    "BOUNDARY": (steps.boundary, "OP AMPLITUDE FIXED TYPE", ""),
-    "MODELCHANGE": (steps.model_change, "TYPE ADD REMOVE", ""),
-    "CLOAD": (steps.cload, "OP AMPLITUDE", ""),
-    "DLOAD": (steps.dload, "OP AMPLITUDE", ""),
-    "DSLOAD": (steps.dsload, "OP AMPLITUDE", ""),
-    "TEMPERATURE": (steps.temperature, "OP AMPLITUDE", ""),
-    "NODEPRINT": (steps.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
+    "BOUNDARY": (loads.boundary, "OP AMPLITUDE FIXED TYPE", ""),
+    "MODELCHANGE": (contact.model_change, "TYPE ADD REMOVE", ""),
+    "CLOAD": (loads.cload, "OP AMPLITUDE TIMEDELAY", ""),
+    "DLOAD": (loads.dload, "OP AMPLITUDE TIMEDELAY", ""),
+    "DSLOAD": (loads.dsload, "OP AMPLITUDE TIMEDELAY", ""),
+    "TEMPERATURE": (loads.temperature, "OP AMPLITUDE", ""),
+    "NODEPRINT": (loads.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
 }
+#: cards whose data lines are taken one by one, so that each is refused alone
+BY_LINE = ("BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS", "CONTACTPAIR", "TIE")
 #: cards that are the mesh, or frames of it: lacmesh has read them
 OF_THE_MESH = (
     *("NODE", "NSET", "ELSET", "HEADING", "PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"),
@@ -111,6 +111,5 @@ LACKS = {
     "FIELD": "fields other than temperature are not taken",
     "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
     "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
-    "SELECTCYCLICSYMMETRYMODES": "modes with nodal diameters are not taken; static sectors are",
     "RETAINEDNODALDOFS": "lacsolver makes no substructures",
 }  # fmt: skip

@@ -132,6 +132,17 @@ TOPS = {
         + step("*DLOAD\nB_EZ1, P2, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n"),
         {0.5: -2 * 3 / E, 1.0: -4 * 3 / E, 1.5: 8 * 3 / E, 2.0: 8 * 3 / E},
     ),
+    "a load that a step removes": (  # it goes to 0 over that step, as in CalculiX
+        step("*DLOAD\nB_EZ1, P2, 4.\n")
+        + step("*DLOAD, OP=NEW\n", static="0.5, 1.\n")
+        + step("*DLOAD\nB_EZ1, P2, 2.\n"),
+        {1.0: -4 * 3 / E, 1.5: -2 * 3 / E, 2.0: 0.0, 3.0: -2 * 3 / E},
+    ),
+    "an amplitude that begins late": (
+        "*AMPLITUDE, NAME=L\n0., 0., 1., 8.\n"
+        + step("*DLOAD, AMPLITUDE=L, TIME DELAY=0.5\nB_EZ1, P2, 1.\n", static="0.25, 1.\n"),
+        {0.25: 0.0, 0.5: 0.0, 0.75: -2 * 3 / E, 1.0: -4 * 3 / E},
+    ),
     "fixed under a pressure": (step("*DLOAD\nB_EZ1, P2, 30.\n") + 2 * FIXED, {1.0: -0.09, 2.0: -0.09, 3.0: -0.09}),
     "fixed": (step("*BOUNDARY\nB_Z1, 3, 3, -0.06\n") + 2 * FIXED, {1.0: -0.06, 2.0: -0.06, 3.0: -0.06}),
     "a displacement among the model's data": (
@@ -151,6 +162,40 @@ def test_the_top_of_a_column_over_steps(tmp_path, name):
         np.testing.assert_allclose(by_time[time], way, atol=1e-12)
     told = [one.level for one in found.made.findings if "among the model's data" in one.message]
     assert told == ["note"] * ("data" in name)
+
+
+def test_a_moment_and_a_force_that_a_step_removes(tmp_path):
+    """OP=NEW removes forces and moments at reference nodes too, and another direction does not keep them."""
+    steps = step("*CLOAD\n999, 3, 4.\n999, 4, 2.\n") + step("*CLOAD, OP=NEW\n999, 1, 1.\n")
+    rigid = "*NODE\n999, 0, 0, 9\n*RIGID BODY, NSET=B_Z1, REF NODE=999\n"
+    made = imported(tmp_path, bodies(COLUMN) + rigid + held() + steps)
+    (body,) = made.case.rigid
+    assert [body.fz.at(t) for t in (1.0, 1.5, 2.0)] == [4, 2, 0] and [body.fx.at(t) for t in (1.0, 2.0)] == [0, 1]
+    assert [body.moment[0].at(t) for t in (1.0, 1.5, 2.0)] == [2, 1, 0]
+
+
+def test_a_load_beside_the_centre_of_its_weights_is_warned_of(tmp_path):
+    """CalculiX lets it act at the centre, Abaqus and lacsolver at the node; a node at the centre has no warning."""
+    for x, count in ((0.5, 0), (0.9, 1)):
+        node = f"*NODE\n999, {x}, 1., 3.\n*ELEMENT, TYPE=DCOUP3D, ELSET=D\n77, 999\n"
+        coupled = f"{node}*DISTRIBUTING COUPLING, ELSET=D\nB_Z1, 1.\n*SOLID SECTION, ELSET=D, MATERIAL=EL\n"
+        made = imported(tmp_path, bodies(COLUMN) + coupled + held() + step("*CLOAD\n999, 3, 4.\n"))
+        assert sum("centre of the weights" in one.message for one in made.findings) == count
+        assert sum("have no material" in one.message for one in made.findings) == 1
+        assert made.case.coupling[0].at == (x, 1, 3)
+
+
+def test_constants_that_are_equal_at_all_temperatures(tmp_path):
+    text = bodies(COLUMN).replace("*ELASTIC\n1000., 0.3", "*ELASTIC\n1000., 0.3, 0.\n1000., 0.3, 500.")
+    assert imported(tmp_path, text + held() + step("")).case.material[0].young == 1000
+
+
+def test_modes_with_nodal_diameters_are_warned_of(tmp_path):
+    modes = "*STEP, PERTURBATION\n*FREQUENCY\n3\n*SELECT CYCLIC SYMMETRY MODES, NMIN=0, NMAX=2\n*END STEP\n"
+    made = imported(tmp_path, bodies(COLUMN) + held() + step("*DLOAD\nB_EZ1, P2, 4.\n") + modes)
+    told = {finding.card: finding.level for finding in made.findings}
+    assert told["SELECT CYCLIC SYMMETRY MODES"] == "warning" and told["FREQUENCY"] == "note"
+    assert made.case.steps.last == 1
 
 
 def test_sets_that_overlap_over_steps(tmp_path):

@@ -285,6 +285,13 @@ CUBE = Block()
 PUSH = "*DLOAD\nB, P2, 10.\n"
 
 
+def test_adjust_by_a_set_moves_all_nodes_of_the_slave(tmp_path):
+    """A set with all nodes of the slave is a distance larger than the model, which no node is beyond."""
+    text = on_each_other(*two_blocks(), CONTACT.replace("*CONTACT PAIR", "*CONTACT PAIR, ADJUST=C_Z0"), "")
+    made = imported(tmp_path, text)
+    assert made.case.contact[0].adjust > np.ptp(made.mesh.points, axis=0).max()
+
+
 def test_damping_of_contact_is_of_steps_in_motion(tmp_path):
     """The coefficient of *CONTACT DAMPING in *DYNAMIC; a note without it."""
     text = pressed(above=(2, 2, 2)).replace("*CONTACT PAIR", "*CONTACT DAMPING\n0.5\n*CONTACT PAIR")

@@ -168,7 +168,9 @@ def without_option(card: DeckCard, *names: str) -> DeckCard:
 
 def with_option(card: DeckCard, name: str, value: str) -> DeckCard:
     """The card with another value of a parameter that it has."""
-    head = re.sub(_parameter(name), rf",\1{name}={value}\2", card.head, count=1, flags=re.I)
+    head = re.sub(
+        _parameter(name), lambda found: f",{found[1]}{name}={value}{found[2] or ''}", card.head, count=1, flags=re.I
+    )
     return replace(card, head=head, options={**card.options, name: value})
 
 

@@ -187,7 +187,7 @@ def _faces_of_side(
             if facet is not None:
                 face = CELLS[cell_type].facets[facet]
                 parts.append((face.type, nodes[kind[cells] == code][:, face.nodes]))
-            elif label[:1] in "SE" and label[1:].isdigit() and code in (SOLID, PLANE):
+            elif label[:1] in "SE" and label[1:].isdecimal() and code in (SOLID, PLANE):
                 raise card.error(f"a surface names the face {label} of a {cell_type}, which has none")
             else:
                 unknown[f"{label} of {cell_type}"] = None
@@ -207,7 +207,7 @@ def _free_faces(mesh: Mesh, cells: Ints, solid: list[tuple[str, Ints, Ints]]) ->
 def _facet(cell: str, kind: int, label: str) -> int | None:
     """Index of the facet of a cell that a face label means; None for an unknown label."""
     facets = FACETS.get(CELLS[cell].family, ())
-    number = int(label[1:]) if label[1:].isdigit() and len(label) < 4 else 0
+    number = int(label[1:]) if label[1:].isdecimal() and len(label) < 4 else 0
     if kind == LINE and label in ("END1", "END2"):
         return int(label == "END2")
     if kind == SHELL:  # Abaqus counts a shell's edges from E1, CalculiX from S3

@@ -288,7 +288,7 @@ class _Writer:
             before, largest = read.cell_number[read.cell_groups[group]], read.cell_number.max(initial=0)
             before, now = before[np.isin(before, self.carrier.elements)], self.cell[cells[self.is_element[cells]]]
         words = (word for card in cards.values() for line in card.data for word in line.fields)
-        is_new = self.carrier.changed and any(word.isdigit() and int(word) > largest for word in words)
+        is_new = self.carrier.changed and any(word.isdecimal() and int(word) > largest for word in words)
         empty = not any(card.body or card.key == maker or len(card.options) > 1 for card in cards.values())
         now = np.unique(now)
         if np.array_equal(now, np.unique(before)) and not is_new and not (empty and len(now)):
