@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.deck import DeckCard, DeckInstance, Lines, key_of
 from lacmesh.errors import ReadError, reading
-from lacmesh.formats.text import AS_INTEGERS, AS_REALS, bad_line, decoded, integers, parsed, values_in_lines
+from lacmesh.formats.text import AS_INTEGERS, bad_line, decoded, integers, values_in_lines
 from lacmesh.mesh import Floats, Ints, mask_of
 
 #: What a comment line with a part of lacmesh's note begins with.
@@ -140,15 +140,15 @@ class Members(NamedTuple):
 
 def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
     """Return numbers (n,) and coordinates (n, 3) of the nodes of a card; missing ones are 0. Raises ReadError."""
-    text = card.values
-    counts = values_in_lines(text)
-    counts = counts[counts > 0]
-    values = parsed(text.translate(AS_REALS), np.float64)
-    even = values is not None and len(counts) and counts.min() == counts.max() >= 2
-    if values is not None and even and len(values) == counts.sum():  # no field between commas is empty
-        table = values.reshape(len(counts), -1)[:, :4]
-    else:
-        table = _uneven_table(card, text)
+    text, rows = card.values, []
+    for line in _SOLID_LINE.finditer(text.replace(b"D", b"e").replace(b"d", b"e")):
+        fields = [field.strip() or b"0" for field in line[0].split(b",")[:4]]
+        try:
+            rows.append([float(field) for field in fields] + [0.0] * (4 - len(fields)))
+        except ValueError:
+            shown = decoded(text[line.start() : line.end()]).strip()[:60]
+            raise card.error(f"{shown!r} should be a node's number and its coordinates", line.start()) from None
+    table = np.array(rows, float).reshape(-1, 4)
     with np.errstate(invalid="ignore"):
         number = table[:, 0].astype(np.int64)
     possible = (number == table[:, 0]) & (number > 0) & (number <= LARGEST)
@@ -159,20 +159,7 @@ def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
         if not possible[row]:
             message = f"a node's number should be an integer from 1 to {LARGEST}, not {table[row, 0]:g}"
         raise card.error(message, [match.start() for match in _SOLID_LINE.finditer(text)][row])
-    return number, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
-
-
-def _uneven_table(card: DeckCard, text: bytes) -> Floats:
-    """Numbers (n, 4) of lines of unequal length, read one by one; those that are left out are 0."""
-    rows = []
-    for line in _SOLID_LINE.finditer(text.replace(b"D", b"e").replace(b"d", b"e")):
-        fields = [field.strip() or b"0" for field in line[0].split(b",")[:4]]
-        try:
-            rows.append([float(field) for field in fields] + [0.0] * (4 - len(fields)))
-        except ValueError:
-            shown = decoded(text[line.start() : line.end()]).strip()[:60]
-            raise card.error(f"{shown!r} should be a node's number and its coordinates", line.start()) from None
-    return np.array(rows, float).reshape(-1, 4)
+    return number, table[:, 1:]
 
 
 def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, Ints]:
