@@ -311,7 +311,7 @@ def losses(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Iterator[str]:
         yield f"{n} nodes that no cell has"
     for on, indices in to.items():
         yield from _lost_on(on, before, after, indices)
-    types = [np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after)]
+    one, other = (np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after))
     rest = {
         f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
         f"the mesh's name {before.name!r}": before.name not in ("mesh", after.name),
@@ -319,7 +319,7 @@ def losses(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Iterator[str]:
         "the times of steps": before.steps and before.steps != after.steps,
         "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
         "periodic links": before.model and before.model.periodic and not (after.model and after.model.periodic),
-        "the order of cells of different types": before.file_order is not None and not np.array_equal(*types),
+        "the order of cells of different types": before.file_order is not None and not np.array_equal(one, other),
     }
     yield from (what for what, gone in rest.items() if gone)
 

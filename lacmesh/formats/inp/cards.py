@@ -15,8 +15,8 @@ import numpy as np
 
 from lacmesh.deck import DeckCard, DeckInstance, Lines, key_of
 from lacmesh.errors import ReadError, reading
-from lacmesh.formats.text import AS_INTEGERS, bad_line, decoded, integers, values_in_lines
-from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.formats.text import AS_INTEGERS, bad_line, decoded, integers
+from lacmesh.mesh import Floats, Ints
 
 #: What a comment line with a part of lacmesh's note begins with.
 NOTE = "** lacmesh: "
@@ -162,41 +162,41 @@ def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
     return number, table[:, 1:]
 
 
-def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, Ints]:
+def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     """Elements of a card as rows (k, 1 + n_nodes) of number and nodes; an element may continue over several lines.
 
     If all lines have equally many numbers, more than an element needs, the surplus is left out, as CalculiX does (the
-    orientation node of a beam); the second array, (k,), counts what was left out of each row. Raises ReadError.
+    orientation node of a beam), and counted in the second value. Raises ReadError.
     """
     text, width = card.values, 1 + n_nodes
-    values = integers(text)
-    if values is None:
+    if integers(text) is None:
         at = bad_line(text.translate(AS_INTEGERS), np.int64)
         shown = decoded(text[at:].split(b"\n", 1)[0]).strip()[:60]
         raise card.error(f"{shown!r} should be an element's number and its nodes'", at)
-    counts = values_in_lines(text)
-    ends = np.cumsum(counts)
-    widest = int(counts.max(initial=0))
-    if len(ends) and ends[-1] != len(values):
-        raise card.error("there are fields without a number among these elements", 0)
-    if widest > width and set(np.unique(counts).tolist()) <= {0, widest}:
-        rows = values.reshape(-1, widest)[:, :width]
-    else:
-        widest = width
-        wrong = np.flatnonzero(~mask_of(len(values) + 1, [0], ends)[width::width])
-        if len(wrong):
-            line = int(np.searchsorted(ends, wrong[0] * width, side="right"))
-            at = sum(len(row) + 1 for row in text.split(b"\n", line + 1)[:line])
-            raise card.error(f"an element here should have {n_nodes} nodes, and the next one begin a line", at)
-        if more := len(values) % width:
-            message = f"element {values[-more]} has {more - 1} nodes, and should have {n_nodes}"
-            raise card.error(message, len(text) - 1)
-        rows = values.reshape(-1, width)
+    listed, sizes, excess = list[list[int]](), set[int](), -1
+    for line in _SOLID_LINE.finditer(text):
+        try:
+            numbers = [int(field) for field in line[0].strip().removesuffix(b",").split(b",")]
+        except ValueError:
+            raise card.error("there are fields without a number among these elements", line.start()) from None
+        sizes.add(len(numbers))
+        if listed and len(listed[-1]) < width:
+            listed[-1] += numbers
+        else:
+            listed.append(numbers)
+        excess = line.start() if excess < 0 and len(listed[-1]) > width else excess
+    surplus = max(sizes, default=0) - width if len(sizes) == 1 else 0
+    if excess >= 0 and surplus <= 0:
+        raise card.error(f"an element here should have {n_nodes} nodes, and the next one begin a line", excess)
+    if listed and len(listed[-1]) < width:
+        message = f"element {listed[-1][0]} has {len(listed[-1]) - 1} nodes, and should have {n_nodes}"
+        raise card.error(message, len(text) - 1)
+    rows: Ints = np.array([row[:width] for row in listed], np.int64).reshape(-1, width)
     possible = (rows > 0) & (rows <= LARGEST)
     if not possible.all():
         wrong = rows[~possible][0]
         raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {wrong}")
-    return rows, np.full(len(rows), widest - width)
+    return rows, max(surplus, 0)
 
 
 def members_of(card: DeckCard, of: str) -> list[Members]:

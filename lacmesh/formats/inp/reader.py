@@ -17,7 +17,6 @@ from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.inp.cards import NOTE, NOTE_LINE, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
 from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
-from lacmesh.formats.text import values_in_lines
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 #: DeckCards that make nodes or elements, or move them, and that are not read.
@@ -196,16 +195,15 @@ class _Reader:
                 self._add_to("ELSET", elset, card, inside, [])
             return
         rows, surplus = element_lines(card, len(known.nodes))
-        beams = int(np.count_nonzero(surplus == 1)) if known.kind == LINE else 0
-        if beams:
-            self._counts["the orientation nodes of {} beams are left out"] += beams
-        if more := int(np.count_nonzero(surplus)) - beams:
+        if surplus:
             text = f"{{}} elements of type {name} list more nodes than these have: the first are taken"
-            self._counts[text] += more
-        if known.kind in (LINE, POINT) or surplus.any():
+            is_beam = known.kind == LINE and surplus == 1
+            self._counts["the orientation nodes of {} beams are left out" if is_beam else text] += len(rows)
+        if known.kind in (LINE, POINT) or surplus:
             self.whole.add(index)
         number = rows[:, 0]
-        self.elements.append(ElementCard(card, index, known, number + inside.elements, rows[:, 1:] + inside.nodes))
+        nodes = rows[:, 1:] + inside.nodes
+        self.elements.append(ElementCard(card, index, known, number + inside.elements, nodes, surplus))
         if elset:
             self._add_to("ELSET", elset, card, inside, [Members(number, "element").raised(inside)])
 
@@ -340,11 +338,7 @@ class _Reader:
         """The record of the deck that was read as `mesh`."""
         entries = [(index, card, number) for index, card, number, _ in self.nodes]
         # elements whose lines have more numbers than theirs and their nodes' cannot be written from the mesh
-        entries += [
-            (one.index, one.card, one.number)
-            for one in self.elements
-            if not self.instances or values_in_lines(one.card.values).sum() <= one.nodes.size + len(one.number)
-        ]
+        entries += [(one.index, one.card, one.number) for one in self.elements if not (self.instances and one.surplus)]
         numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
         groups = {at: self.sets[at].shown for kind in OF_KIND for at in self.sets if at[0] == kind}
         cards = []
