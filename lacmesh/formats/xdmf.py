@@ -114,7 +114,7 @@ class _Sink:
 
 def _information(name: str, value: str) -> str:
     """Information with a named text, which is wrapped in an XML element of its own, as meshio expects."""
-    return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
+    return f'<Information Name="{name}" Value="">{escape(f"<text value={quoteattr(value)}/>")}</Information>\n'
 
 
 def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.deck import DeckCard, DeckInstance, Lines, key_of
 from lacmesh.errors import ReadError, reading
-from lacmesh.formats.text import AS_INTEGERS, bad_line, decoded, integers
+from lacmesh.formats.text import decoded, integers
 from lacmesh.mesh import Floats, Ints
 
 #: What a comment line with a part of lacmesh's note begins with.
@@ -142,9 +142,9 @@ def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
     """Return numbers (n,) and coordinates (n, 3) of the nodes of a card; missing ones are 0. Raises ReadError."""
     text, rows = card.values, []
     for line in _SOLID_LINE.finditer(text.replace(b"D", b"e").replace(b"d", b"e")):
-        fields = [field.strip() or b"0" for field in line[0].split(b",")[:4]]
+        fields = line[0].split(b",", 4)[:4]
         try:
-            rows.append([float(field) for field in fields] + [0.0] * (4 - len(fields)))
+            rows.append([float(field.strip() or b"0") for field in fields] + [0.0] * (4 - len(fields)))
         except ValueError:
             shown = decoded(text[line.start() : line.end()]).strip()[:60]
             raise card.error(f"{shown!r} should be a node's number and its coordinates", line.start()) from None
@@ -169,16 +169,15 @@ def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     orientation node of a beam), and counted in the second value. Raises ReadError.
     """
     text, width = card.values, 1 + n_nodes
-    if integers(text) is None:
-        at = bad_line(text.translate(AS_INTEGERS), np.int64)
-        shown = decoded(text[at:].split(b"\n", 1)[0]).strip()[:60]
-        raise card.error(f"{shown!r} should be an element's number and its nodes'", at)
     listed, sizes, excess = list[list[int]](), set[int](), -1
     for line in _SOLID_LINE.finditer(text):
         try:
-            numbers = [int(field) for field in line[0].strip().removesuffix(b",").split(b",")]
+            if b"_" in line[0]:  # which Python takes for a part of a number
+                raise ValueError
+            numbers = list(map(int, line[0].strip().removesuffix(b",").split(b",")))
         except ValueError:
-            raise card.error("there are fields without a number among these elements", line.start()) from None
+            shown = decoded(line[0]).strip()[:60]
+            raise card.error(f"{shown!r} should be an element's number and its nodes'", line.start()) from None
         sizes.add(len(numbers))
         if listed and len(listed[-1]) < width:
             listed[-1] += numbers
@@ -191,7 +190,7 @@ def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     if listed and len(listed[-1]) < width:
         message = f"element {listed[-1][0]} has {len(listed[-1]) - 1} nodes, and should have {n_nodes}"
         raise card.error(message, len(text) - 1)
-    rows: Ints = np.array([row[:width] for row in listed], np.int64).reshape(-1, width)
+    rows: Ints = np.array(listed, np.int64).reshape(-1, width + max(surplus, 0))[:, :width]
     possible = (rows > 0) & (rows <= LARGEST)
     if not possible.all():
         wrong = rows[~possible][0]
