@@ -35,10 +35,10 @@ from lacmesh.formats.arrays import (
     add_arrays,
     add_cells,
     checked_cells,
+    mesh_with_tags,
     numbers_in,
     to_arrays,
     vtk_cells,
-    with_tag_groups,
 )
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS, check_types
@@ -228,7 +228,7 @@ def read(path: Path) -> Mesh:
         known |= _read_piece(document, piece, out, several=len(pieces) > 1)
     if len(pieces) > 1 and sum(document.whole_number(piece, "NumberOfPoints") > 0 for piece in pieces) > 1:
         out.warnings.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
-    return with_tag_groups(out.mesh(), out, known)
+    return mesh_with_tags(out, known)
 
 
 def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, several: bool) -> set[str]:

@@ -28,8 +28,8 @@ from lacmesh.formats.arrays import (
     add_arrays,
     add_cells,
     checked_cells,
+    mesh_with_tags,
     numbers_in,
-    with_tag_groups,
 )
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
@@ -91,8 +91,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     out.nodes(number, points, error=partial(source.error, place="<Geometry>"))
     _add_parts(source, parts, out)
     add_arrays(out, "node", on_nodes)
-    known = {name for part in parts for name in part.arrays}
-    return with_tag_groups(out.mesh(steps=steps), out, known)
+    return mesh_with_tags(out, {name for part in parts for name in part.arrays}, steps=steps)
 
 
 class _Source(NamedTuple):

@@ -190,12 +190,11 @@ def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     if listed and len(listed[-1]) < width:
         message = f"element {listed[-1][0]} has {len(listed[-1]) - 1} nodes, and should have {n_nodes}"
         raise card.error(message, len(text) - 1)
-    rows: Ints = np.array(listed, np.int64).reshape(-1, width + max(surplus, 0))[:, :width]
-    possible = (rows > 0) & (rows <= LARGEST)
-    if not possible.all():
-        wrong = rows[~possible][0]
-        raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {wrong}")
-    return rows, max(surplus, 0)
+    listed = [row[:width] for row in listed] if surplus > 0 else listed
+    for number in (min(map(min, listed), default=1), max(map(max, listed), default=1)):
+        if not 0 < number <= LARGEST:
+            raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {number}")
+    return np.array(listed, np.int64).reshape(-1, width), max(surplus, 0)
 
 
 def members_of(card: DeckCard, of: str) -> list[Members]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, Lines, key_of, shown_name
-from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats import notes
+from lacmesh.errors import ReadError, some
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.inp.cards import NOTE, NOTE_LINE, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
@@ -37,11 +35,7 @@ def read(path: Path) -> Mesh:
 
     All cards are in `Mesh.deck`. One LacmeshWarning names what is read otherwise than it stands.
     """
-    reader = _Reader(path)
-    mesh = reader.mesh()
-    if reader.warnings:
-        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(reader.warnings)}"), stacklevel=2)
-    return mesh
+    return _Reader(path).mesh()
 
 
 class _Reader:
@@ -50,7 +44,8 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         """Read all cards. Raises ReadError."""
         self.path = path
-        self.warnings: list[str] = []
+        self.builder = MeshBuilder(path, cell="element")
+        self.warnings = self.builder.warnings
         files = Cards(path)
         self.cards, self.start = files.cards, files.start
         if any(line.is_data for lines in self.start for line in lines.each()):
@@ -257,7 +252,7 @@ class _Reader:
 
     def mesh(self) -> Mesh:
         """Return the mesh, with its deck. Raises ReadError."""
-        builder = MeshBuilder(self.path, cell="element")
+        builder = self.builder
         for _, card, number, points in self.nodes:
             builder.nodes(number, points, error=card.error)
         for cells in self.elements:
@@ -274,18 +269,17 @@ class _Reader:
         planes = {plane_of(type_of(e.card.options)) for e in self.elements if e.element.kind == PLANE and len(e.number)}
         spaces = {one.element.space for one in self.elements}
         solid = any(points[:, 2].any() for *_, points in self.nodes) or (3 in spaces and 2 not in spaces)
+        parts = [*self.start, *(part for card in self.cards for part in card.body)]
+        if text := "".join(
+            line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text)
+        ):
+            builder.read_note(text)
         mesh = builder.mesh(
+            lambda mesh: self._with_surfaces(self._with_middle_second(mesh), resolver),
             name=self.heading[0] if len(self.heading) == 1 else "mesh",
             plane=planes.pop() if len(planes) == 1 else "",
             space_dim=3 if solid else 2,
         )
-        mesh = self._with_surfaces(self._with_middle_second(mesh), resolver)
-        parts = [*self.start, *(part for card in self.cards for part in card.body)]
-        text = "".join(line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text))
-        try:
-            mesh = notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
-        except ValueError:
-            self.warnings.append("lacmesh's own note is damaged and left out")
         return replace(mesh, deck=self._deck(mesh))
 
     def _with_surfaces(self, mesh: Mesh, resolver: Resolver) -> Mesh:
