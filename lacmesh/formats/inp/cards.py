@@ -169,7 +169,7 @@ def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     orientation node of a beam), and counted in the second value. Raises ReadError.
     """
     text, width = card.values, 1 + n_nodes
-    listed, sizes, excess = list[list[int]](), set[int](), -1
+    listed, begins, sizes = list[list[int]](), list[int](), set[int]()
     for line in _SOLID_LINE.finditer(text):
         try:
             if b"_" in line[0]:  # which Python takes for a part of a number
@@ -183,17 +183,19 @@ def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
             listed[-1] += numbers
         else:
             listed.append(numbers)
-        excess = line.start() if excess < 0 and len(listed[-1]) > width else excess
+            begins.append(line.start())
     surplus = max(sizes, default=0) - width if len(sizes) == 1 else 0
-    if excess >= 0 and surplus <= 0:
-        raise card.error(f"an element here should have {n_nodes} nodes, and the next one begin a line", excess)
+    if surplus > 0:
+        listed = [row[:width] for row in listed]
+    for row, at in zip(listed, begins, strict=True):
+        if len(row) > width:
+            raise card.error(f"an element here should have {n_nodes} nodes, and the next one begin a line", at)
+        if not 0 < min(row) <= max(row) <= LARGEST:
+            wrong = min(row) if min(row) < 1 else max(row)
+            raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {wrong}", at)
     if listed and len(listed[-1]) < width:
         message = f"element {listed[-1][0]} has {len(listed[-1]) - 1} nodes, and should have {n_nodes}"
         raise card.error(message, len(text) - 1)
-    listed = [row[:width] for row in listed] if surplus > 0 else listed
-    for number in (min(map(min, listed), default=1), max(map(max, listed), default=1)):
-        if not 0 < number <= LARGEST:
-            raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {number}")
     return np.array(listed, np.int64).reshape(-1, width), max(surplus, 0)
 
 
