@@ -12,7 +12,21 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, PIECES
 from lacmesh.errors import DataError, ReadError, RequestError, check_installed
-from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, from_meshio, mesh_of_grid, to_arrays, to_meshio, vtk_cells
+from lacmesh.formats.arrays import (
+    GROUP,
+    NOTE,
+    NUMBER,
+    VtkCells,
+    add_arrays,
+    add_cells,
+    from_meshio,
+    mesh_with_tags,
+    numbers_in,
+    to_arrays,
+    to_meshio,
+    vtk_cells,
+)
+from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Ints, Mesh
 
@@ -56,9 +70,33 @@ def from_pyvista(grid: Any) -> Mesh:
     if not hasattr(grid, "cast_to_unstructured_grid"):
         raise RequestError(f"from_pyvista takes the data sets of pyvista, not {type(grid).__name__}")
     try:
-        return mesh_of_grid(Path("pyvista"), grid.cast_to_unstructured_grid())
+        return _mesh_of(grid.cast_to_unstructured_grid())
     except ReadError as error:
         raise DataError(f"this grid is no mesh of lacmesh: {error.reason}") from None
+
+
+def _mesh_of(grid: Any) -> Mesh:
+    """Return the mesh of a `pyvista.UnstructuredGrid`. Raises ReadError."""
+    path = Path("pyvista")
+    out = MeshBuilder(path, rows_from=0)
+    if NOTE in grid.field_data:
+        note = np.asarray(grid.field_data[NOTE])
+        out.read_note(note.tobytes() if note.dtype == np.uint8 else str(note[0]))
+    arrays = {}
+    for on, data in (("node", grid.point_data), ("cell", grid.cell_data)):
+        named = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
+        named = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in named.items()}
+        arrays[on] = {name: values for name, values in named.items() if values.dtype.kind in "iuf"}
+        left = [name for name in named if name not in arrays[on]]
+        out.warnings += [f"{on} data {', '.join(map(repr, left))} are no numbers, they are left out"] if left else []
+    out.nodes(numbers_in(arrays["node"], "node", grid.n_points, out), np.asarray(grid.points, float))
+    offsets = grid.cell_offsets if hasattr(grid, "cell_offsets") else grid.offset
+    cells = VtkCells(np.asarray(grid.cell_connectivity), np.asarray(offsets)[1:], np.asarray(grid.celltypes))
+    error = lambda message: ReadError(path, message)  # noqa: E731
+    add_cells(out, cells, numbers_in(arrays["cell"], "cell", grid.n_cells, out), error)
+    for on in arrays:
+        add_arrays(out, on, arrays[on])
+    return mesh_with_tags(out, arrays["cell"])
 
 
 def to_trimesh(mesh: Mesh, group: str) -> Any:

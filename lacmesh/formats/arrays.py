@@ -9,7 +9,6 @@ What an array itself cannot hold (a name illegal in the format, rows of several 
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
-from lacmesh.errors import DataError, LacmeshWarning, ReadError, check_installed, listed
+from lacmesh.errors import DataError, ReadError, check_installed, listed
 from lacmesh.facts import listed as first_of
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
@@ -183,14 +182,20 @@ def _sound(name: str, values: NDArray, out: MeshBuilder) -> tuple[str, NDArray]:
     return name, values if values.dtype.kind == "i" else whole.astype(np.int64)
 
 
-def with_tag_groups(mesh: Mesh, out: MeshBuilder, arrays: Container[str]) -> Mesh:
-    """Return a mesh without groups with those of its tags, and a LacmeshWarning; lacmesh's own files have names."""
-    if out.note or mesh.cell_groups or NUMBER["cell"] in arrays:
-        return mesh
-    groups, tags, message = groups_of_tags(mesh.cell_dim, mesh.cell_data)
-    if message:
-        warnings.warn(LacmeshWarning(f"{out.path}: {message}"), stacklevel=4)
-    return replace(mesh, cell_groups=groups, group_tags=tags)
+def mesh_with_tags(out: MeshBuilder, arrays: Container[str], **rest: Any) -> Mesh:
+    """Return the mesh of a builder; one without groups has those of its tags: lacmesh's own files have names.
+
+    `arrays`: names of those on cells; `rest`: as `MeshBuilder.mesh` takes it.
+    """
+
+    def with_tags(mesh: Mesh) -> Mesh:
+        if out.note or mesh.cell_groups or NUMBER["cell"] in arrays:
+            return mesh
+        groups, tags, message = groups_of_tags(mesh.cell_dim, mesh.cell_data)
+        out.warnings += [message] if message else []
+        return replace(mesh, cell_groups=groups, group_tags=tags)
+
+    return out.mesh(with_tags, **rest)
 
 
 def groups_of_tags(dims: Ints, data: Mapping[str, NDArray]) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]], str]:
@@ -307,29 +312,6 @@ def checked_cells(cells: VtkCells, n_points: int, error: Callable[[str], ReadErr
     return cells._replace(ends=ends)
 
 
-def mesh_of_grid(path: Path, grid: Any) -> Mesh:
-    """Return the mesh of a `pyvista.UnstructuredGrid`. Raises ReadError."""
-    out = MeshBuilder(path, rows_from=0)
-    if NOTE in grid.field_data:
-        note = np.asarray(grid.field_data[NOTE])
-        out.read_note(note.tobytes() if note.dtype == np.uint8 else str(note[0]))
-    arrays = {}
-    for on, data in (("node", grid.point_data), ("cell", grid.cell_data)):
-        named = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
-        named = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in named.items()}
-        arrays[on] = {name: values for name, values in named.items() if values.dtype.kind in "iuf"}
-        left = [name for name in named if name not in arrays[on]]
-        out.warnings += [f"{on} data {', '.join(map(repr, left))} are no numbers, they are left out"] if left else []
-    out.nodes(numbers_in(arrays["node"], "node", grid.n_points, out), np.asarray(grid.points, float))
-    offsets = grid.cell_offsets if hasattr(grid, "cell_offsets") else grid.offset
-    cells = VtkCells(np.asarray(grid.cell_connectivity), np.asarray(offsets)[1:], np.asarray(grid.celltypes))
-    error = lambda message: ReadError(path, message)  # noqa: E731
-    add_cells(out, cells, numbers_in(arrays["cell"], "cell", grid.n_cells, out), error)
-    for on in arrays:
-        add_arrays(out, on, arrays[on])
-    return with_tag_groups(out.mesh(), out, arrays["cell"])
-
-
 # ---- meshio's objects
 
 
@@ -420,7 +402,7 @@ def mesh_of_meshio(foreign: Any, path: Path) -> Mesh:
         tags = _physical_groups(foreign, on_cells.pop(_PHYSICAL), rows, out)
     add_arrays(out, "cell", on_cells, rows)
     add_arrays(out, "node", on_nodes)
-    return with_tag_groups(out.mesh(group_tags=tags), out, on_cells)
+    return mesh_with_tags(out, on_cells, group_tags=tags)
 
 
 def _native(values: NDArray) -> NDArray:

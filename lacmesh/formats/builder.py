@@ -154,9 +154,10 @@ class MeshBuilder:
         """Return how many nodes or cells have been added."""
         return self._listed[on].size
 
-    def mesh(self, **rest: Any) -> Mesh:
+    def mesh(self, then: Callable[[Mesh], Mesh] | None = None, **rest: Any) -> Mesh:
         """Return the mesh, with `rest` as other fields of it; warn of what `warnings` lists.
 
+        `then`: what a format adds to the mesh, before its note is applied.
         Raises ReadError for a number that is there twice, a node that is not, and coordinates that are not finite.
         """
         nodes, cells = self._listed.values()
@@ -173,7 +174,7 @@ class MeshBuilder:
             rest[key] = {name: value for name, value in rest.get(key, {}).items() if name in known}
         order = None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place)
         mesh = Mesh.create(points, blocks, node_number=nodes.number, cell_number=cells.number, file_order=order, **rest)
-        mesh = notes.load(mesh, self.note, self.warnings)
+        mesh = notes.load(then(mesh) if then else mesh, self.note, self.warnings)
         if is_cut(mesh) and not mesh.zones:
             mesh = replace(mesh, zones=notes.zone_names(mesh.cell_data, mesh.cell_groups))
         if self.warnings:

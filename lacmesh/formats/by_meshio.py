@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote, unquote
 
 import numpy as np
@@ -32,7 +32,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError, some
 from lacmesh.facts import listed
 from lacmesh.formats import exodus
-from lacmesh.formats.arrays import mesh_of_meshio, needed, to_arrays, to_meshio
+from lacmesh.formats.arrays import GROUP, NUMBER, mesh_of_meshio, needed, to_arrays, to_meshio
 from lacmesh.formats.orders import VTK_CELLS, VTK_NOT_READ, file_order
 from lacmesh.formats.registry import GMSH_CAN
 from lacmesh.mesh import Floats, Ints, Mesh
@@ -125,11 +125,11 @@ def write(path: Path, mesh: Mesh, *, name: str) -> None:
     _guarded(lambda: meshio.write(path, foreign, file_format=name), lambda why: WriteError(path, why), disk=path)
     reread = lambda: mesh_of_meshio(_as_ours(meshio.read(path, file_format=name), name), path)  # noqa: E731
     back = _guarded(reread, lambda why: WriteError(path, why))
-    where = match(mesh, back)
-    if isinstance(where, str):
-        message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
-        raise WriteError(path, message)
-    lost = round_trip_losses(mesh, back, where)
+    try:
+        lost = list(losses(mesh, back))
+    except ValueError as error:
+        message = f"meshio's format {name} does not keep the cells ({error} are left); write .vtu, .med or .msh"
+        raise WriteError(path, message) from None
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 
@@ -284,91 +284,70 @@ def _check_end(path: Path, name: str, content: bytes) -> None:
 # ---- losses
 
 
-class MeshMap(NamedTuple):
-    """Index of each cell and node in the mesh read back, -1 if lost; `off`: largest node shift over the mesh's size."""
+def losses(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> Iterator[str]:
+    """Yield what `after` has lost of `before`. Raises ValueError where its cells, by type and in order, are others.
 
-    cell: Ints
-    node: Ints
-    off: float
-
-
-def match(before: Mesh, after: Mesh, tolerance: float = 1e-5) -> MeshMap | str:
-    """Match two meshes whose cells are the same, type by type and in order; else a text that says what differs."""
+    `tolerance`: largest distance of a node from its place, over the mesh's size.
+    """
     size = float(np.ptp(before.points, axis=0).max(initial=0)) if before.n_nodes else 0.0
-    cell, node = np.full(before.n_cells, -1), np.full(before.n_nodes, -1)
+    to = {"cell": np.full(before.n_cells, -1), "node": np.full(before.n_nodes, -1)}  # indices in `after`
     off, none = 0.0, np.empty((0, 1), np.int64)
     parts = [{kind: part for kind, *part in mesh.select(np.arange(mesh.n_cells))} for mesh in (before, after)]
     for kind in dict.fromkeys([*parts[0], *parts[1]]):
         (cells, ours), (others, theirs) = (part.get(kind, [none, none]) for part in parts)
         if len(ours) != len(theirs):
-            return f"{len(theirs)} {kind} of {len(ours)}"
+            raise ValueError(f"{len(theirs)} {kind} of {len(ours)}")
         away = _farthest(before.points[ours], after.points[theirs])
         if not away <= tolerance * size:
-            return f"{kind} with other nodes"
+            raise ValueError(f"{kind} with other nodes")
         off = max(off, away)
-        cell[cells], node[ours] = others, theirs
-    alone = np.flatnonzero(node < 0)
+        to["cell"][cells], to["node"][ours] = others, theirs
+    alone = np.flatnonzero(to["node"] < 0)
     if after.n_nodes == before.n_nodes and _farthest(before.points[alone], after.points[alone]) <= tolerance * size:
-        node[alone] = alone
-    return MeshMap(cell, node, off / size if size else 0.0)
-
-
-def _farthest(a: Floats, b: Floats) -> float:
-    return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
-
-
-def round_trip_losses(before: Mesh, after: Mesh, indices: MeshMap) -> list[str]:
-    """Clauses that name what `after` has lost of `before`."""
-    lost = []
-    if indices.off > 1e-14:
-        lost.append(f"digits of coordinates (moved by up to {indices.off:.0e} of the mesh's size)")
-    if (indices.node < 0).any():
-        lost.append(f"{int((indices.node < 0).sum())} nodes that no cell has")
-    for on, to in (("cell", indices.cell), ("node", indices.node)):
-        lost += _lost_on(on, before, after, to)
-    types = [np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after)]
-    same_order = np.array_equal(types[0], types[1])
-    periodic = [mesh.model is not None and bool(mesh.model.periodic) for mesh in (before, after)]
+        to["node"][alone] = alone
+    if off > 1e-14 * size:
+        yield f"digits of coordinates (moved by up to {off / size:.0e} of the mesh's size)"
+    if n := int((to["node"] < 0).sum()):
+        yield f"{n} nodes that no cell has"
+    for on, indices in to.items():
+        yield from _lost_on(on, before, after, indices)
+    one, other = (np.repeat([b.type for b in m.blocks], np.diff(m.offsets))[file_order(m)] for m in (before, after))
     rest = {
         f"the names of the zones {listed(map(repr, before.zones))}": before.zones and before.zones != after.zones,
         f"the mesh's name {before.name!r}": before.name not in ("mesh", after.name),
         f"that the mesh has {before.space_dim} dimensions": before.space_dim != after.space_dim,
         "the times of steps": before.steps and before.steps != after.steps,
         "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
-        "periodic links": periodic == [True, False],
-        "the order of cells of different types": before.file_order is not None and not same_order,
+        "periodic links": before.model and before.model.periodic and not (after.model and after.model.periodic),
+        "the order of cells of different types": before.file_order is not None and not np.array_equal(one, other),
     }
-    return lost + [what for what, gone in rest.items() if gone]
+    yield from (what for what, gone in rest.items() if gone)
+
+
+def _farthest(a: Floats, b: Floats) -> float:
+    return float(np.linalg.norm(a - b, axis=-1).max(initial=0.0))
 
 
 def _lost_on(on: str, before: Mesh, after: Mesh, to: Ints) -> Iterator[str]:
     """Yield what is lost of the groups, numbers and data of nodes or cells, whose indices in `after` are `to`."""
-    (groups, data, number), (others, values_of, theirs) = (
-        (getattr(mesh, f"{on}_groups"), getattr(mesh, f"{on}_data"), getattr(mesh, f"{on}_number"))
-        for mesh in (before, after)
-    )
     there, clauses = to >= 0, dict[str, list[str]]()
-    for name, members in groups.items():
-        if name not in others or not np.array_equal(np.sort(to[members]), np.sort(others[name])):
-            clauses.setdefault(f"the {on} groups {{}}", []).append(name)
-    for name, values in data.items():
-        other, what = values_of.get(name), f"the {on} data {{}}"
+    ours, theirs = (getattr(to_arrays(mesh, []), on) for mesh in (before, after))
+    for name, values in ours.items():
+        other, what = theirs.get(name), f"the {on} data {{}}"
         padded = other is not None and (values.shape[1:], other.shape[1:]) == ((2,), (3,)) and not other[:, 2].any()
         other = other[:, :2] if padded else other
         if other is None or other.shape[1:] != values.shape[1:] or not _same(values[there], other[to[there]]):
-            clauses.setdefault(what, []).append(name)
+            kind = f"the {on} groups {{}}" if name.startswith(GROUP) else what
+            kind = f"the numbers of {on}s (they are 1, 2, ...)" if name == NUMBER[on] else kind
+            clauses.setdefault(kind, []).append(name.removeprefix(GROUP))
         elif values.dtype.kind in "iu" and other.dtype.kind == "f":
             clauses.setdefault(f"that {what} are integers", []).append(name)
         elif padded:
             clauses.setdefault(f"that {what} have 2 components (a third, 0, is added)", []).append(name)
-    if not np.array_equal(number[there], theirs[to[there]]):
-        yield f"the numbers of {on}s (they are 1, 2, ...)"
     yield from (clause.format(listed(map(repr, names))) for clause, names in clauses.items())
 
 
 def _same(a: NDArray, b: NDArray) -> bool:
-    if a.dtype.kind not in "iufb" or b.dtype.kind not in "iufb":
-        return False
     scale = float(np.nanmax(np.abs(a), initial=0.0)) if a.dtype.kind == "f" else 0.0
     return bool(np.allclose(a.astype(float), b.astype(float), rtol=1e-6, atol=1e-9 * scale, equal_nan=True))
 

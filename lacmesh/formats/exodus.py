@@ -1,22 +1,25 @@
-"""Reading Exodus II, by netCDF4: cells, element blocks, side sets, node sets, numbers, and fields of the first time.
+"""Reading Exodus II: cells, element blocks, side sets, node sets, numbers, and fields of the first time.
 
-meshio writes the format, and reads neither blocks nor side sets. Blocks and sets have the names of the file, or else
+meshio writes the format, and reads neither blocks nor side sets. Files in HDF5 are read by h5py, as netCDF4 ends the
+process on 4 of 200 damaged ones; netCDF4 reads the older ones. Blocks and sets have the names of the file, or else
 their numbers. Faces of side sets become cells. Source: Schoof and Yarberry, EXODUS II, SAND92-2137, 4.5 to 4.9.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container
+from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS, Facet
-from lacmesh.errors import ReadError, check_installed
+from lacmesh.errors import ReadError, check_installed, reading
+from lacmesh.formats import hdf5
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.mesh import Floats, Ints, Mesh, distinct
 from lacmesh.topology.skin import label_rows
@@ -58,15 +61,46 @@ _VECTORS = (("X", "Y", "Z"), ("X", "Y"), ("_R", "_Z"))
 
 def read(path: Path) -> Mesh:
     """Read a file. Raises ReadError, and RequestError where netCDF4 is missing; warns of what is left out."""
-    check_installed("netCDF4", "io")
-    import netCDF4
-
+    with reading(path), path.open("rb") as beginning:
+        is_hdf5 = beginning.read(4) == b"\x89HDF"
     try:
+        if is_hdf5:
+            with hdf5.opened(path) as root:
+                datasets = _Datasets(root)
+                return _mesh(path, _File(datasets, lambda name: len(datasets.get(name, ()))))
+        check_installed("netCDF4", "io")
+        import netCDF4
+
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
-            return _mesh(path, file)
+            return _mesh(path, _File(file.variables, lambda name: len(file.dimensions.get(name, ()))))
     except (OSError, KeyError, IndexError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         raise ReadError(path, f"is no whole Exodus file ({type(error).__name__}: {error})") from None
+
+
+class _Datasets(Mapping[str, Any]):
+    """The variables of a file of netCDF 4, and its dimensions, which are datasets of their size."""
+
+    def __init__(self, root: h5py.File) -> None:
+        self._root = root
+
+    def __getitem__(self, name: str) -> h5py.Dataset:
+        if name not in self._root:
+            raise KeyError(name)
+        return hdf5.dataset(self._root, name, "iufS")
+
+    def __iter__(self) -> Iterator[str]:
+        return map(hdf5.text, self._root)
+
+    def __len__(self) -> int:
+        return len(self._root)
+
+
+class _File(NamedTuple):
+    """The variables of a file by name, arrays or what is read as one; the size of a dimension, 0 where it is not."""
+
+    variables: Mapping[str, Any]
+    size: Callable[[str], int]
 
 
 class _Part(NamedTuple):
@@ -77,7 +111,7 @@ class _Part(NamedTuple):
     shell: bool = False
 
 
-def _mesh(path: Path, file: Any) -> Mesh:
+def _mesh(path: Path, file: _File) -> Mesh:
     out, points = MeshBuilder(path, rows_from=0), _points(file)
     blocks = [_block(path, file, name, len(points)) for name in _numbered(file, "connect")]
     if not blocks:
@@ -95,30 +129,30 @@ def _mesh(path: Path, file: Any) -> Mesh:
         out.group("cell", name, members)
     node_sets = _numbered(file, "node_ns")
     for name, variable in zip(_names(file, "ns", len(node_sets), {}), node_sets, strict=True):
-        out.group("node", name, _indices(path, file[variable][:], len(points), name))
+        out.group("node", name, _indices(path, file.variables[variable][:], len(points), name))
     _add_fields(file, starts, out)
     return out.mesh()
 
 
-def _points(file: Any) -> Floats:
+def _points(file: _File) -> Floats:
     """Return the coordinates of the nodes (n, 1 to 3), which stand together or by axis."""
-    n = len(file.dimensions["num_nodes"])
+    n = file.size("num_nodes")
     if "coord" in file.variables:
-        return np.asarray(file["coord"][:].T, float)
-    axes = [file[f"coord{a}"][:] if f"coord{a}" in file.variables else np.zeros(n) for a in "xyz"]
+        return np.asarray(file.variables["coord"][:].T, float)
+    axes = [file.variables[f"coord{a}"][:] if f"coord{a}" in file.variables else np.zeros(n) for a in "xyz"]
     return np.stack(axes, axis=1).astype(float)
 
 
-def _numbered(file: Any, stem: str) -> list[str]:
+def _numbered(file: _File, stem: str) -> list[str]:
     """Return the names of variables stem1, stem2 ..., in the order of their numbers."""
     numbered = (name for name in file.variables if re.fullmatch(rf"{stem}\d+", name))
     return sorted(numbered, key=lambda name: int(name.removeprefix(stem)))
 
 
-def _block(path: Path, file: Any, name: str, n_points: int) -> _Part:
+def _block(path: Path, file: _File, name: str, n_points: int) -> _Part:
     """Return the cells of an element block. Raises ReadError for types that are not read."""
-    variable = file[name]
-    rows, title = _indices(path, variable[:], n_points, name), str(variable.elem_type).strip("\0 ").upper()
+    variable = file.variables[name]
+    rows, title = _indices(path, variable[:], n_points, name), _type_of(variable)
     family = next((ours for theirs, ours in _FAMILIES.items() if title.startswith(theirs)), "")
     if title.startswith("SHELL") and rows.shape[1] in (3, 6, 7):
         family = "TRIA"
@@ -128,8 +162,15 @@ def _block(path: Path, file: Any, name: str, n_points: int) -> _Part:
     cell = CELLS[kind]
     theirs = [*((str(k),) for k in range(cell.n_corners)), *map(tuple, _MIDDLES.get(family, ()))]
     order = [theirs.index(tuple(map(str, corners))) for corners in map(sorted, cell.corners_of_node)]
-    shell = cell.dim == 2 and len(file.dimensions["num_dim"]) == 3
+    shell = cell.dim == 2 and file.size("num_dim") == 3
     return _Part(kind, rows[:, order], shell)
+
+
+def _type_of(variable: Any) -> str:
+    """Return the name of the type of a block's elements, in capitals."""
+    if isinstance(variable, h5py.Dataset):
+        return str(hdf5.attribute(variable, "elem_type", str)).strip().upper()
+    return str(variable.elem_type).strip("\0 ").upper()
 
 
 def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
@@ -140,9 +181,9 @@ def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
     return indices
 
 
-def _names(file: Any, stem: str, n: int, known: Container[str]) -> list[str]:
+def _names(file: _File, stem: str, n: int, known: Container[str]) -> list[str]:
     """Return names of n blocks or sets; of one without a name its number, with what it is where others have that."""
-    ids = file[f"{stem}_prop1"][:].tolist() if f"{stem}_prop1" in file.variables else range(1, n + 1)
+    ids = file.variables[f"{stem}_prop1"][:].tolist() if f"{stem}_prop1" in file.variables else range(1, n + 1)
     what = {"eb": "block", "ss": "side set", "ns": "node set"}[stem]
     names = _texts(file, f"{stem}_names") if f"{stem}_names" in file.variables else [""] * n
     pairs = zip(names, map(str, ids), strict=True)
@@ -150,7 +191,7 @@ def _names(file: Any, stem: str, n: int, known: Container[str]) -> list[str]:
 
 
 def _side_sets(
-    path: Path, file: Any, blocks: list[_Part], starts: list[int], known: Container[str]
+    path: Path, file: _File, blocks: list[_Part], starts: list[int], known: Container[str]
 ) -> tuple[list[_Part], dict[str, Ints]]:
     """Return the faces of side sets, each once, and the cells of each set, in the order of the file; faces are last."""
     numbered = _numbered(file, "elem_ss")
@@ -158,8 +199,8 @@ def _side_sets(
     whole: dict[str, list[Ints]] = {name: [] for name in names}
     rows: dict[str, list[tuple[str, Ints]]] = {}
     for name, variable in zip(names, numbered, strict=True):
-        elements = _indices(path, file[variable][:], starts[-1], variable)
-        sides = np.asarray(file[variable.replace("elem_", "side_")][:]).astype(np.int64)
+        elements = _indices(path, file.variables[variable][:], starts[-1], variable)
+        sides = np.asarray(file.variables[variable.replace("elem_", "side_")][:]).astype(np.int64)
         of_block = np.searchsorted(starts, elements, side="right") - 1
         for block, side in np.unique(np.stack([of_block, sides], axis=1), axis=0).tolist():
             here = elements[(of_block == block) & (sides == side)]
@@ -192,34 +233,35 @@ def _facet(path: Path, part: _Part, side: int, variable: str) -> Facet:
     return next(f for f in cell.facets if set(f.nodes[: len(corners)]) == corners)
 
 
-def _numbers(file: Any, name: str, n: int, further: int) -> Ints | None:
+def _numbers(file: _File, name: str, n: int, further: int) -> Ints | None:
     """Return the numbers of nodes or elements that the file gives, and those of further cells; None if they are odd."""
-    numbers = np.asarray(file[name][:]).astype(np.int64) if name in file.variables else np.empty(0, np.int64)
+    numbers = np.asarray(file.variables[name][:]).astype(np.int64) if name in file.variables else np.empty(0, np.int64)
     if len(numbers) != n or not n or numbers.min() < 1 or not distinct(numbers):
         return None
     return np.concatenate([numbers, numbers.max() + 1 + np.arange(further)])
 
 
-def _add_fields(file: Any, starts: list[int], out: MeshBuilder) -> None:
+def _add_fields(file: _File, starts: list[int], out: MeshBuilder) -> None:
     """Add the fields on cells, NaN where a block has none, and on nodes, at the first time of the file."""
     data: dict[str, dict[str, NDArray]] = {"node": {}, "cell": {}}
     for k, name in enumerate(_texts(file, "name_nod_var"), start=1):
-        if f"vals_nod_var{k}" in file.variables and len(file[f"vals_nod_var{k}"]):
-            data["node"][name] = file[f"vals_nod_var{k}"][0].astype(float)
+        if f"vals_nod_var{k}" in file.variables and len(file.variables[f"vals_nod_var{k}"]):
+            data["node"][name] = file.variables[f"vals_nod_var{k}"][0].astype(float)
     for k, name in enumerate(_texts(file, "name_elem_var"), start=1):
         data["cell"][name] = np.full(out.size("cell"), np.nan)
         for b, (first, last) in enumerate(pairwise(starts), start=1):
-            if f"vals_elem_var{k}eb{b}" in file.variables and len(file[f"vals_elem_var{k}eb{b}"]):
-                data["cell"][name][first:last] = file[f"vals_elem_var{k}eb{b}"][0]
-    if (data["node"] or data["cell"]) and len(file.dimensions.get("time_step", ())) > 1:
+            if f"vals_elem_var{k}eb{b}" in file.variables and len(file.variables[f"vals_elem_var{k}eb{b}"]):
+                data["cell"][name][first:last] = file.variables[f"vals_elem_var{k}eb{b}"][0]
+    steps = [len(file.variables[name]) for name in file.variables if name.startswith(("vals_nod_var", "vals_elem_var"))]
+    if (data["node"] or data["cell"]) and max(steps, default=0) > 1:
         out.warnings.append("fields are read at the first time alone")
     for on, fields in data.items():
         for name, values in _vectors(fields).items():
             out.values(on, name, None, values)
 
 
-def _texts(file: Any, name: str) -> list[str]:
-    rows = file[name][:] if name in file.variables else ()
+def _texts(file: _File, name: str) -> list[str]:
+    rows = file.variables[name][:] if name in file.variables else ()
     return [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
 
 

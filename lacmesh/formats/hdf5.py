@@ -62,7 +62,7 @@ def reason(error: BaseException) -> str:
     if "on disk image buffer" in message:  # HDF5 refuses to allocate it
         return "HDF5: an object of absurd size"
     bracketed = re.fullmatch(r"[^()]*\((.*)\)", message)
-    return f"HDF5: {bracketed[1] if bracketed else message}"
+    return f"HDF5: {(bracketed and bracketed[1]) or message}"
 
 
 # ---- reading
@@ -104,7 +104,16 @@ def groups_in(group: h5py.Group) -> list[tuple[Name, h5py.Group]]:
 
 
 def values(group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None = None) -> NDArray:
-    """Return the values of a dataset of numbers, (size,) if that is given; `kinds`: the letters of numpy's types.
+    """Return the values of a dataset, (size,) if that is given; `kinds`: as of `dataset`. Raises ReadError."""
+    data = dataset(group, name, kinds)
+    if size is not None and data.size != size:
+        raise error_at(group, f"holds {data.size} values, expected {size}", name)
+    read = np.asarray(data[()])
+    return read.astype(read.dtype.newbyteorder("="), copy=False).reshape(-1)
+
+
+def dataset(group: h5py.Group, name: Name, kinds: str) -> h5py.Dataset:
+    """Return a dataset whose values can be read; `kinds`: the letters of numpy's types that they may have.
 
     Raises ReadError, also for an array that the file cannot hold: deflate packs 1032:1 at most.
     """
@@ -116,11 +125,8 @@ def values(group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None =
     if data.dtype.kind not in kinds:
         expected = "integers" if kinds == "iu" else "reals" if kinds == "f" else "numbers"
         raise error_at(group, f"holds {data.dtype}, expected {expected}", name)
-    if size is not None and data.size != size:
-        raise error_at(group, f"holds {data.size} values, expected {size}", name)
     check_room(group, data.dtype.itemsize * int(data.size), name, packed=data.chunks is not None)
-    read = np.asarray(data[()])
-    return read.astype(read.dtype.newbyteorder("="), copy=False).reshape(-1)
+    return data
 
 
 def check_room(group: h5py.Group, n_bytes: int, name: Name = "", packed: bool = True) -> None:

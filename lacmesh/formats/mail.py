@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ from lacmesh.formats.text import (
     rows_of_text,
 )
 from lacmesh.indices import repeated
-from lacmesh.mesh import Floats, Ints, Mesh, positions
+from lacmesh.mesh import Floats, Ints, Mesh
 
 #: Keyword -> our place of the node that the file lists k-th. Corners are ordered as in gmsh, not as in MED; mid-nodes
 #: follow the edges of the base, those that leave it, those of the top.
@@ -180,30 +180,28 @@ class _Reader:
             text = _COMMENT.sub(lambda comment: b" " * len(comment[0]), text)
         return text.translate(_BLANKS)
 
-    def _rows(self, part: SubFile, on: str, width: int, values: str) -> tuple[list[bytes], list[bytes], Ints]:
+    def _rows(self, part: SubFile, on: str, width: int, values: str) -> tuple[list[bytes], list[bytes], list[int]]:
         """Return names, the words that follow them, `width` - 1 each, and the bytes where their lines begin.
 
         Each entry begins a line, and may go on over several. Raises ReadError.
         """
-        entry = "node" if on == "node" else part.keyword
-        lines = self._body(part).split(b"\n")
-        rows = [line.split() for line in lines]
-        words = list(chain.from_iterable(rows))
-        count = np.fromiter(map(len, rows), np.int64, len(rows))
-        size = np.fromiter(map(len, lines), np.int64, len(lines)) + 1
-        solid = count > 0
-        line = positions((np.cumsum(count) - count)[solid], np.arange(0, len(words), width))
-        begin = (part.begin + np.cumsum(size) - size)[solid][line]
-        if (line < 0).any():
-            message = f"each {entry} should begin a line, and have {width - 1} {values}"
-            raise self.source.error(message, int(begin[(line < 0).argmax() - 1]))
-        if len(words) % width:
+        entry, at = ("node" if on == "node" else part.keyword), part.begin
+        names, words, begin = list[bytes](), list[bytes](), list[int]()
+        for line in self._body(part).split(b"\n"):
+            found = line.split()
+            if found and len(words) == len(names) * (width - 1):
+                names.append(found.pop(0))
+                begin.append(at)
+            words += found
+            if len(words) > len(names) * (width - 1):
+                raise self.source.error(f"each {entry} should begin a line, and have {width - 1} {values}", begin[-1])
+            at += len(line) + 1
+        if len(words) < len(names) * (width - 1):
             raise self.source.error(f"the last {entry} here has fewer than {width - 1} {values}", part.end)
-        names, known = words[::width], self.places[on]
+        known = self.places[on]
         for place, name in enumerate(names, start=len(known)):
             if known.setdefault(name, place) != place:
                 raise self.source.error(f"two {on}s have the name {decoded(name)}", part.at)
-        del words[::width]
         return names, words, begin
 
     def _nodes(self, part: SubFile, dim: int) -> Floats:
@@ -212,7 +210,7 @@ class _Reader:
         values = parsed(b" ".join(words).translate(AS_REALS), np.float64)
         if values is None or len(values) != len(words):
             bad = next(k for k, word in enumerate(words) if parsed(word.translate(AS_REALS), np.float64) is None)
-            raise self.source.error("coordinates should be real numbers", int(begin[bad // dim]))
+            raise self.source.error("coordinates should be real numbers", begin[bad // dim])
         return values.reshape(-1, dim)
 
     def _cells(self, part: SubFile) -> Ints:
@@ -225,7 +223,7 @@ class _Reader:
             bad = int((table < 0).argmax())
             row, lost = bad // len(order), decoded(words[bad])
             message = f"{kind} {decoded(names[row])} has the node {lost}, which is not among the nodes"
-            raise self.source.error(message, int(begin[row]))
+            raise self.source.error(message, begin[row])
         ordered = np.sort(table, axis=1)
         twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1)).tolist()
         if twice:

@@ -20,7 +20,6 @@ from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
 from lacmesh.errors import CutError
 from lacmesh.indices import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
-from lacmesh.topology.skin import label_rows
 
 #: of the notes of every format; in version 1 the nodes of periodic links were given by index
 VERSION = 2
@@ -234,14 +233,13 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
         cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
-        label, _ = label_rows(np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1))
-        first, second = label[: len(theirs)], label[len(theirs) :]
-        a, b = np.argsort(first, kind="stable"), np.argsort(second, kind="stable")
-        rank = np.arange(len(a)) - np.searchsorted(first[a], first[a])  # of several on the same nodes
-        at = np.searchsorted(second[b], first[a]) + rank
-        there = at < len(b)
-        there[there] = second[b[at[there]]] == first[a[there]]
-        number[cells[b[at[there]]]] = integers(listed["number"])[a[there]]
+        on: dict[tuple[int, ...], list[int]] = {}  # cells on the same nodes
+        for cell, row in zip(cells.tolist(), np.sort(mesh.block(kind), axis=1).tolist(), strict=True):
+            on.setdefault(tuple(row), []).append(cell)
+        numbers = integers(listed["number"]).tolist()
+        for row, own in zip(np.sort(theirs, axis=1).tolist(), numbers, strict=True):
+            if there := on.get(tuple(row)):
+                number[there.pop(0)] = own
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)

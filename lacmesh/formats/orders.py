@@ -237,5 +237,6 @@ def numbers_within(numbers: Ints, least: int, largest: int, what: str, clauses: 
     within = numbers.min(initial=least) >= least and numbers.max(initial=largest) <= largest
     if within and repeated(numbers) is None:
         return numbers
-    clauses.append(f"the numbers of {what} are not distinct from {least} to {largest}: they are 1, 2 ... in the file")
+    wanted = "positive and distinct" if (least, largest) == (1, 2**63 - 1) else f"distinct from {least} to {largest}"
+    clauses.append(f"the numbers of {what} are not {wanted}: they are 1, 2 ... in the file")
     return np.arange(1, len(numbers) + 1)

@@ -48,24 +48,17 @@ def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
 
 def bad_line(text: bytes, dtype: type) -> int:
     """Byte offset of the first bad line in a text that `parsed` refuses."""
-    lines = text.splitlines(keepends=True)
-    low, high = 0, len(lines)
-    while high - low > 1:
-        middle = (low + high) // 2
-        bad = parsed(b"".join(lines[low:middle]), dtype) is None
-        low, high = (low, middle) if bad else (middle, high)
-    return sum(map(len, lines[:low]))
+    begin = 0
+    for line in text.splitlines(keepends=True):
+        if parsed(line, dtype) is None:
+            return begin
+        begin += len(line)
+    return 0
 
 
 def integers(text: bytes) -> Ints | None:
     """Integers in a text; None if it holds anything but integers, commas and blanks."""
     return parsed(text.translate(AS_INTEGERS), np.int64)
-
-
-def values_in_lines(text: bytes) -> Ints:
-    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
-    lines = map(bytes.strip, text.split(b"\n")[:-1])
-    return np.array([line.removesuffix(b",").count(b",") + 1 if line else 0 for line in lines], np.int64)
 
 
 def decoded(name: bytes) -> str:
@@ -85,16 +78,12 @@ def reals(values: Floats, limit: int = 24) -> list[str]:
     (['1.0', '1.0e-07', '-1.2345678901234567e-08'], ['-1.2345678901235e-08'])
     """
     texts = list(map(repr, values.tolist()))
-    size = np.abs(values)
-    plain = ((size >= 0.1) & (size < 1e15)) | (size == 0)  # 17 digits, a point and a sign: 20 characters at most
-    for k in np.flatnonzero(~plain).tolist():
-        text = texts[k]
+    for k, text in enumerate(texts):
         if "e" in text and "." not in text:  # code_aster reads no exponent without a point before it
-            text = text.replace("e", ".0e")
+            texts[k] = text.replace("e", ".0e")
         digits = limit
-        while len(text) > limit:
-            digits, text = digits - 1, f"{values[k]:.{digits}e}"
-        texts[k] = text
+        while len(texts[k]) > limit:
+            digits, texts[k] = digits - 1, f"{values[k]:.{digits}e}"
     return texts
 
 

@@ -114,7 +114,7 @@ class _Sink:
 
 def _information(name: str, value: str) -> str:
     """Information with a named text, which is wrapped in an XML element of its own, as meshio expects."""
-    return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
+    return f'<Information Name="{name}" Value="">{escape(f"<text value={quoteattr(value)}/>")}</Information>\n'
 
 
 def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:
@@ -180,14 +180,11 @@ def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:
         name, n = next(((kind.name, n) for (_, n), kind in kinds.items()), ("Polyvertex", 1))
         head = f'TopologyType="{name}" NumberOfElements="{len(width)}" NodesPerElement="{n}"'
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', nodes.reshape(-1, n))}</Topology>\n"
-    table = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
-    for (number, _), kind in kinds.items():
-        table[number] = kind.number, kind.number in XDMF_COUNTED
-    of_cell, first = table[cells.types], cells.ends - width
-    counted = np.flatnonzero(of_cell[:, 1])
-    at = np.concatenate([first, first[counted]])
-    flat = np.insert(nodes, at, np.concatenate([of_cell[:, 0], width[counted]]))
-    item = sink.item(f"{title}/topology", flat)
+    flat = list[int]()
+    for number, row in zip(cells.types.tolist(), np.split(nodes, cells.ends[:-1]), strict=True):
+        kind = kinds[number, len(row)]
+        flat += [kind.number, *([len(row)] if kind.number in XDMF_COUNTED else []), *row.tolist()]
+    item = sink.item(f"{title}/topology", np.array(flat, np.int64))
     return f'<Topology TopologyType="Mixed" NumberOfElements="{len(width)}">\n{item}</Topology>\n'
 
 

@@ -28,15 +28,15 @@ from lacmesh.formats.arrays import (
     add_arrays,
     add_cells,
     checked_cells,
+    mesh_with_tags,
     numbers_in,
-    with_tag_groups,
 )
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
 from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS, XDMF_COUNTED
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
-from lacmesh.mesh import Floats, Ints, Mesh, Step, mask_of
+from lacmesh.mesh import Floats, Ints, Mesh, Step
 from lacmesh.topology.skin import label_rows
 
 Element = ElementTree.Element
@@ -91,8 +91,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     out.nodes(number, points, error=partial(source.error, place="<Geometry>"))
     _add_parts(source, parts, out)
     add_arrays(out, "node", on_nodes)
-    known = {name for part in parts for name in part.arrays}
-    return with_tag_groups(out.mesh(steps=steps), out, known)
+    return mesh_with_tags(out, {name for part in parts for name in part.arrays}, steps=steps)
 
 
 class _Source(NamedTuple):
@@ -343,23 +342,21 @@ def _uniform(source: _Source, topology: Element, name: str, values: Ints) -> Vtk
 
 def _mixed(source: _Source, values: Ints) -> VtkCells:
     """Cells of a mixture: each is its number, for lines and vertices how many nodes follow, and its nodes."""
-    table = np.zeros((max(_OF_NUMBER) + 1, 3), np.int64)  # by XDMF's number: nodes, 1 if their count follows, VTK's
-    for number, cell in _OF_NUMBER.items():
-        table[number] = len(cell.nodes), number in XDMF_COUNTED, VTK_CELLS[cell.type].number
-    first, at, listed, lengths = list[int](), 0, values.tolist(), (1 + table[:, 0] + table[:, 1]).tolist()
+    listed, at, place = values.tolist(), 0, "<Topology Mixed>"
+    nodes, ends, types = list[int](), list[int](), list[int]()
     while at < len(listed):
-        first.append(at)
-        if listed[at] not in _OF_NUMBER or at + lengths[listed[at]] > len(listed):
-            message = f"cells of XDMF's type {listed[at]} are not read, or the mixture is damaged"
-            raise source.error(message, "<Topology Mixed>")
-        at += lengths[listed[at]]
-    start = np.array(first, np.int64)
-    width, counts, vtk = table[values[start]].T
-    counted = start[counts > 0]
-    if (values[counted + 1] != width[counts > 0]).any():
-        raise source.error("lines and vertices of several pieces are not read", "<Topology Mixed>")
-    inside = ~mask_of(len(values), np.append(start, counted + 1))
-    return VtkCells(values[inside], np.cumsum(width), vtk.astype(np.uint8))
+        cell = _OF_NUMBER.get(listed[at])
+        begin = at + 1 + (listed[at] in XDMF_COUNTED)
+        end = begin + (len(cell.nodes) if cell else 0)
+        if cell is None or end > len(listed):
+            raise source.error(f"cells of XDMF's type {listed[at]} are not read, or the mixture is damaged", place)
+        if begin == at + 2 and listed[at + 1] != len(cell.nodes):
+            raise source.error("lines and vertices of several pieces are not read", place)
+        nodes += listed[begin:end]
+        ends.append(len(nodes))
+        types.append(VTK_CELLS[cell.type].number)
+        at = end
+    return VtkCells(np.array(nodes, np.int64), np.array(ends, np.int64), np.array(types, np.uint8))
 
 
 def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:

@@ -12,6 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacmesh.formats.exodus import _MIDDLES, _SIDES
 from tests.checks.blocks import two_blocks
+from tests.samples import samples
 
 netcdf = pytest.importorskip("netCDF4")
 #: our type -> the format's name, for all that VTK reads too
@@ -28,13 +29,13 @@ def texts(file, name, dim, given):
         variable[k] = np.array(list(text.ljust(33, "\0")), "S1")
 
 
-def exodus(path, points, blocks, sides=(), nodes=(), names=True, fields=(), maps=()):
+def exodus(path, points, blocks, sides=(), nodes=(), names=True, fields=(), maps=(), form="NETCDF3_64BIT_OFFSET"):
     """Write a file as Cubit does: blocks (name, type, connectivity), sets of sides (name, elements, sides), of nodes.
 
     All numbers from 1. `fields`: (name, values (times, nodes)); `maps`: (variable, dimension, numbers).
     """
     points, n = np.asarray(points, float), sum(len(cells) for _, _, cells in blocks)
-    with netcdf.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
+    with netcdf.Dataset(path, "w", format=form) as file:
         file.setncatts({"title": "made by hand", "floating_point_word_size": 8, "file_size": 1})
         file.setncatts({"api_version": np.float32(8.03), "version": np.float32(8.03)})
         sizes = {"len_string": 33, "len_name": 33, "num_dim": points.shape[1], "num_nodes": len(points), "num_elem": n}
@@ -119,10 +120,12 @@ HEXES = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1
 POINTS = [*HEXES, *((x, y, 2) for x, y, _ in HEXES[:4])]
 BLOCKS = [("lower", "HEX8", [[1, 2, 3, 4, 5, 6, 7, 8]]), ("upper", "HEX", [[5, 6, 7, 8, 9, 10, 11, 12]])]
 SIDES = [("joint", [1, 2], [6, 5]), ("top", [2], [6])]
+forms = pytest.mark.parametrize("form", ["NETCDF3_64BIT_OFFSET", "NETCDF4"])
 
 
-def test_blocks_and_sets_are_groups(tmp_path):
-    path = exodus(tmp_path / "two.e", POINTS, BLOCKS, SIDES, [("bottom", [1, 2, 3, 4])])
+@forms
+def test_blocks_and_sets_are_groups(form, tmp_path):
+    path = exodus(tmp_path / "two.e", POINTS, BLOCKS, SIDES, [("bottom", [1, 2, 3, 4])], form=form)
     mesh = lacmesh.read(path)
     assert {name: len(cells) for name, cells in mesh.cell_groups.items()} == {
         "lower": 1, "upper": 1, "joint": 1, "top": 1,
@@ -136,7 +139,7 @@ def test_blocks_and_sets_are_groups(tmp_path):
         path.write_bytes(whole[: int(part * len(whole))])
         with pytest.raises(ReadError, match=r"two\.e"):
             lacmesh.read(path)
-    mesh = lacmesh.read(exodus(path, POINTS, BLOCKS, SIDES, [("", [1, 2])], names=False))
+    mesh = lacmesh.read(exodus(path, POINTS, BLOCKS, SIDES, [("", [1, 2])], names=False, form=form))
     assert sorted(mesh.cell_groups) == ["1", "2", "side set 1", "side set 2"] and sorted(mesh.node_groups) == ["1"]
 
 
@@ -152,16 +155,37 @@ def test_sides_of_shells_are_their_faces_and_edges(tmp_path):
     assert edges.space_dim == 2 and (edges.points[nodes[0], 0] == 0).all()
 
 
-def test_numbers_and_fields_are_read(tmp_path):
+@forms
+def test_numbers_and_fields_are_read(form, tmp_path):
     fields = [(f"disp{axis}", np.outer([1.0, 5.0], np.arange(12.0) + k)) for k, axis in enumerate("XYZ")]
     fields.append(("heat", np.ones((2, 12))))
     maps = [("elem_num_map", "num_elem", [70, 40]), ("node_num_map", "num_nodes", np.arange(101, 113))]
-    path = exodus(tmp_path / "two.e", POINTS, BLOCKS, SIDES, fields=fields, maps=maps)
+    path = exodus(tmp_path / "two.e", POINTS, BLOCKS, SIDES, fields=fields, maps=maps, form=form)
     with pytest.warns(LacmeshWarning, match="fields are read at the first time alone"):
         mesh = lacmesh.read(path)
     assert mesh.node_number.tolist() == list(range(101, 113)) and mesh.cell_number[:2].tolist() == [70, 40]
     assert sorted(mesh.node_data) == ["disp", "heat"]
     assert np.allclose(mesh.node_data["disp"], np.arange(12.0)[:, None] + [0, 1, 2])
+
+
+@pytest.mark.fuzz
+def test_no_damaged_file_ends_the_process(tmp_path):
+    """netCDF4 does on some in HDF5."""
+    path = exodus(tmp_path / "two.e", POINTS, BLOCKS, SIDES, [("bottom", [1, 2, 3, 4])], form="NETCDF4")
+    rng, whole, refused = np.random.default_rng(2), path.read_bytes(), 0
+    for _ in range(samples(60, 2000)):
+        content = bytearray(whole)
+        for at in rng.integers(0, len(whole), rng.integers(1, 5)):
+            content[at] = rng.integers(256)
+        path.write_bytes(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            try:
+                lacmesh.read(path)
+            except ReadError as error:
+                assert "\n" not in str(error)
+                refused += 1
+    assert refused
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import inp, mail
 from lacmesh.formats.inp.elements import element
 from lacmesh.formats.mail import NODES
-from lacmesh.formats.text import labels, values_in_lines
+from lacmesh.formats.text import labels
 from lacmesh.mesh import Mesh
 from lacmesh.topology.orientation import analyse_orientation
 from tests.formats.msh_meshes import meshes
@@ -314,15 +314,20 @@ def test_elements_on_the_edges_of_others_are_said_and_can_be_kept(tmp_path):
     assert again(tmp_path, solved).cells_by_type == {"QUAD4": 1, "SEG2": 2}
 
 
-def test_fields_are_counted():
+def test_an_element_goes_on_over_lines(tmp_path):
     """A comma at the end of a line adds no field, a blank line has none."""
     rng = np.random.default_rng(5)
-    pieces = [b"1", b"23", b",", b", ", b" ", b"\t", b"\n", b"\r\n", b"999999999", b",\n"]
-    for _ in range(200):
-        text = b"".join(pieces[k] for k in rng.integers(0, len(pieces), rng.integers(0, 15))) + b"\n"
-        lines = [line.strip().removesuffix(b",") if line.strip() else None for line in text.split(b"\n")[:-1]]
-        counts = [0 if line is None else line.count(b",") + 1 for line in lines]
-        assert values_in_lines(text).tolist() == counts
+    nodes = "".join(f"{k}, {k % 2}., {k // 2 % 2}., {k // 4}.\n" for k in range(1, 9))
+    rows = [[k, *rng.permutation(np.arange(1, 9)).tolist()] for k in range(1, 40)]
+    between = (",", ", ", "\t, ", ",\n", ", \r\n", ",\n  \n", ",\n\n")
+    lines = []
+    for row in rows:
+        text = "".join(f"{number}{between[rng.integers(len(between))]}" for number in row)
+        lines.append(text.rstrip(" \r\n") + rng.choice(["\n", "\r\n", "\n \n"]))
+    elements = "".join(lines)
+    assert elements.count("\n") > 2 * len(rows)
+    mesh = read_text(tmp_path, f"*NODE\n{nodes}*ELEMENT, TYPE=C3D8\n{elements}")
+    assert mesh.node_number[mesh.block("HEXA8")].tolist() == [row[1:] for row in rows]
 
 
 @pytest.mark.parametrize(("target", "like"), [("calculix", ["rive_gauche", "a_b"]), ("abaqus", ["rive gauche", "a,b"])])

@@ -15,8 +15,8 @@ import numpy as np
 
 from lacmesh.deck import DeckCard, DeckInstance, Lines, key_of
 from lacmesh.errors import ReadError, reading
-from lacmesh.formats.text import AS_INTEGERS, AS_REALS, bad_line, decoded, integers, parsed, values_in_lines
-from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.formats.text import decoded, integers
+from lacmesh.mesh import Floats, Ints
 
 #: What a comment line with a part of lacmesh's note begins with.
 NOTE = "** lacmesh: "
@@ -140,15 +140,15 @@ class Members(NamedTuple):
 
 def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
     """Return numbers (n,) and coordinates (n, 3) of the nodes of a card; missing ones are 0. Raises ReadError."""
-    text = card.values
-    counts = values_in_lines(text)
-    counts = counts[counts > 0]
-    values = parsed(text.translate(AS_REALS), np.float64)
-    even = values is not None and len(counts) and counts.min() == counts.max() >= 2
-    if values is not None and even and len(values) == counts.sum():  # no field between commas is empty
-        table = values.reshape(len(counts), -1)[:, :4]
-    else:
-        table = _uneven_table(card, text)
+    text, rows = card.values, []
+    for line in _SOLID_LINE.finditer(text.replace(b"D", b"e").replace(b"d", b"e")):
+        fields = line[0].split(b",", 4)[:4]
+        try:
+            rows.append([float(field.strip() or b"0") for field in fields] + [0.0] * (4 - len(fields)))
+        except ValueError:
+            shown = decoded(text[line.start() : line.end()]).strip()[:60]
+            raise card.error(f"{shown!r} should be a node's number and its coordinates", line.start()) from None
+    table = np.array(rows, float).reshape(-1, 4)
     with np.errstate(invalid="ignore"):
         number = table[:, 0].astype(np.int64)
     possible = (number == table[:, 0]) & (number > 0) & (number <= LARGEST)
@@ -159,57 +159,44 @@ def node_lines(card: DeckCard) -> tuple[Ints, Floats]:
         if not possible[row]:
             message = f"a node's number should be an integer from 1 to {LARGEST}, not {table[row, 0]:g}"
         raise card.error(message, [match.start() for match in _SOLID_LINE.finditer(text)][row])
-    return number, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
+    return number, table[:, 1:]
 
 
-def _uneven_table(card: DeckCard, text: bytes) -> Floats:
-    """Numbers (n, 4) of lines of unequal length, read one by one; those that are left out are 0."""
-    rows = []
-    for line in _SOLID_LINE.finditer(text.replace(b"D", b"e").replace(b"d", b"e")):
-        fields = [field.strip() or b"0" for field in line[0].split(b",")[:4]]
-        try:
-            rows.append([float(field) for field in fields] + [0.0] * (4 - len(fields)))
-        except ValueError:
-            shown = decoded(text[line.start() : line.end()]).strip()[:60]
-            raise card.error(f"{shown!r} should be a node's number and its coordinates", line.start()) from None
-    return np.array(rows, float).reshape(-1, 4)
-
-
-def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, Ints]:
+def element_lines(card: DeckCard, n_nodes: int) -> tuple[Ints, int]:
     """Elements of a card as rows (k, 1 + n_nodes) of number and nodes; an element may continue over several lines.
 
     If all lines have equally many numbers, more than an element needs, the surplus is left out, as CalculiX does (the
-    orientation node of a beam); the second array, (k,), counts what was left out of each row. Raises ReadError.
+    orientation node of a beam), and counted in the second value. Raises ReadError.
     """
     text, width = card.values, 1 + n_nodes
-    values = integers(text)
-    if values is None:
-        at = bad_line(text.translate(AS_INTEGERS), np.int64)
-        shown = decoded(text[at:].split(b"\n", 1)[0]).strip()[:60]
-        raise card.error(f"{shown!r} should be an element's number and its nodes'", at)
-    counts = values_in_lines(text)
-    ends = np.cumsum(counts)
-    widest = int(counts.max(initial=0))
-    if len(ends) and ends[-1] != len(values):
-        raise card.error("there are fields without a number among these elements", 0)
-    if widest > width and set(np.unique(counts).tolist()) <= {0, widest}:
-        rows = values.reshape(-1, widest)[:, :width]
-    else:
-        widest = width
-        wrong = np.flatnonzero(~mask_of(len(values) + 1, [0], ends)[width::width])
-        if len(wrong):
-            line = int(np.searchsorted(ends, wrong[0] * width, side="right"))
-            at = sum(len(row) + 1 for row in text.split(b"\n", line + 1)[:line])
+    listed, begins, sizes = list[list[int]](), list[int](), set[int]()
+    for line in _SOLID_LINE.finditer(text):
+        try:
+            if b"_" in line[0]:  # which Python takes for a part of a number
+                raise ValueError
+            numbers = list(map(int, line[0].strip().removesuffix(b",").split(b",")))
+        except ValueError:
+            shown = decoded(line[0]).strip()[:60]
+            raise card.error(f"{shown!r} should be an element's number and its nodes'", line.start()) from None
+        sizes.add(len(numbers))
+        if listed and len(listed[-1]) < width:
+            listed[-1] += numbers
+        else:
+            listed.append(numbers)
+            begins.append(line.start())
+    surplus = max(sizes, default=0) - width if len(sizes) == 1 else 0
+    if surplus > 0:
+        listed = [row[:width] for row in listed]
+    for row, at in zip(listed, begins, strict=True):
+        if len(row) > width:
             raise card.error(f"an element here should have {n_nodes} nodes, and the next one begin a line", at)
-        if more := len(values) % width:
-            message = f"element {values[-more]} has {more - 1} nodes, and should have {n_nodes}"
-            raise card.error(message, len(text) - 1)
-        rows = values.reshape(-1, width)
-    possible = (rows > 0) & (rows <= LARGEST)
-    if not possible.all():
-        wrong = rows[~possible][0]
-        raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {wrong}")
-    return rows, np.full(len(rows), widest - width)
+        if not 0 < min(row) <= max(row) <= LARGEST:
+            wrong = min(row) if min(row) < 1 else max(row)
+            raise card.error(f"numbers of elements and nodes run from 1 to {LARGEST}, and one here is {wrong}", at)
+    if listed and len(listed[-1]) < width:
+        message = f"element {listed[-1][0]} has {len(listed[-1]) - 1} nodes, and should have {n_nodes}"
+        raise card.error(message, len(text) - 1)
+    return np.array(listed, np.int64).reshape(-1, width), max(surplus, 0)
 
 
 def members_of(card: DeckCard, of: str) -> list[Members]:

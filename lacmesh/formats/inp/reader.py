@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, Lines, key_of, shown_name
-from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats import notes
+from lacmesh.errors import ReadError, some
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.inp.cards import NOTE, NOTE_LINE, Cards, Members, element_lines, members_of, node_lines
 from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
 from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
-from lacmesh.formats.text import values_in_lines
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 #: DeckCards that make nodes or elements, or move them, and that are not read.
@@ -38,11 +35,7 @@ def read(path: Path) -> Mesh:
 
     All cards are in `Mesh.deck`. One LacmeshWarning names what is read otherwise than it stands.
     """
-    reader = _Reader(path)
-    mesh = reader.mesh()
-    if reader.warnings:
-        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(reader.warnings)}"), stacklevel=2)
-    return mesh
+    return _Reader(path).mesh()
 
 
 class _Reader:
@@ -51,7 +44,8 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         """Read all cards. Raises ReadError."""
         self.path = path
-        self.warnings: list[str] = []
+        self.builder = MeshBuilder(path, cell="element")
+        self.warnings = self.builder.warnings
         files = Cards(path)
         self.cards, self.start = files.cards, files.start
         if any(line.is_data for lines in self.start for line in lines.each()):
@@ -196,16 +190,15 @@ class _Reader:
                 self._add_to("ELSET", elset, card, inside, [])
             return
         rows, surplus = element_lines(card, len(known.nodes))
-        beams = int(np.count_nonzero(surplus == 1)) if known.kind == LINE else 0
-        if beams:
-            self._counts["the orientation nodes of {} beams are left out"] += beams
-        if more := int(np.count_nonzero(surplus)) - beams:
+        if surplus:
             text = f"{{}} elements of type {name} list more nodes than these have: the first are taken"
-            self._counts[text] += more
-        if known.kind in (LINE, POINT) or surplus.any():
+            is_beam = known.kind == LINE and surplus == 1
+            self._counts["the orientation nodes of {} beams are left out" if is_beam else text] += len(rows)
+        if known.kind in (LINE, POINT) or surplus:
             self.whole.add(index)
         number = rows[:, 0]
-        self.elements.append(ElementCard(card, index, known, number + inside.elements, rows[:, 1:] + inside.nodes))
+        nodes = rows[:, 1:] + inside.nodes
+        self.elements.append(ElementCard(card, index, known, number + inside.elements, nodes, surplus))
         if elset:
             self._add_to("ELSET", elset, card, inside, [Members(number, "element").raised(inside)])
 
@@ -259,7 +252,7 @@ class _Reader:
 
     def mesh(self) -> Mesh:
         """Return the mesh, with its deck. Raises ReadError."""
-        builder = MeshBuilder(self.path, cell="element")
+        builder = self.builder
         for _, card, number, points in self.nodes:
             builder.nodes(number, points, error=card.error)
         for cells in self.elements:
@@ -276,18 +269,17 @@ class _Reader:
         planes = {plane_of(type_of(e.card.options)) for e in self.elements if e.element.kind == PLANE and len(e.number)}
         spaces = {one.element.space for one in self.elements}
         solid = any(points[:, 2].any() for *_, points in self.nodes) or (3 in spaces and 2 not in spaces)
+        parts = [*self.start, *(part for card in self.cards for part in card.body)]
+        if text := "".join(
+            line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text)
+        ):
+            builder.read_note(text)
         mesh = builder.mesh(
+            lambda mesh: self._with_surfaces(self._with_middle_second(mesh), resolver),
             name=self.heading[0] if len(self.heading) == 1 else "mesh",
             plane=planes.pop() if len(planes) == 1 else "",
             space_dim=3 if solid else 2,
         )
-        mesh = self._with_surfaces(self._with_middle_second(mesh), resolver)
-        parts = [*self.start, *(part for card in self.cards for part in card.body)]
-        text = "".join(line.rstrip() for part in parts if NOTE in part.text for line in NOTE_LINE.findall(part.text))
-        try:
-            mesh = notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
-        except ValueError:
-            self.warnings.append("lacmesh's own note is damaged and left out")
         return replace(mesh, deck=self._deck(mesh))
 
     def _with_surfaces(self, mesh: Mesh, resolver: Resolver) -> Mesh:
@@ -340,11 +332,7 @@ class _Reader:
         """The record of the deck that was read as `mesh`."""
         entries = [(index, card, number) for index, card, number, _ in self.nodes]
         # elements whose lines have more numbers than theirs and their nodes' cannot be written from the mesh
-        entries += [
-            (one.index, one.card, one.number)
-            for one in self.elements
-            if not self.instances or values_in_lines(one.card.values).sum() <= one.nodes.size + len(one.number)
-        ]
+        entries += [(one.index, one.card, one.number) for one in self.elements if not (self.instances and one.surplus)]
         numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
         groups = {at: self.sets[at].shown for kind in OF_KIND for at in self.sets if at[0] == kind}
         cards = []

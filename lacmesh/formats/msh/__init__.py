@@ -24,7 +24,7 @@ from lacmesh.formats.msh.fields import SECTIONS, field_rows
 from lacmesh.formats.msh.reader import LARGEST_TAG, LAYOUTS, NOTE, read_format
 from lacmesh.formats.msh.streams import MshSource, Output, safe_names, unnamed
 from lacmesh.formats.notes import dump, in_lines
-from lacmesh.indices import numbered
+from lacmesh.formats.orders import numbers_within
 from lacmesh.mesh import Ints, Mesh, Tag
 
 
@@ -57,7 +57,9 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
     if msh not in ("4.1", "2.2"):
         raise RequestError(f"msh version {msh!r} is not written; choose 4.1 or 2.2")
     entities = assign(mesh)
-    nodes, cells = _positive(mesh.node_number, "nodes"), _positive(mesh.cell_number, "cells")
+    clauses: list[str] = []
+    nodes = numbers_within(mesh.node_number, 1, 2**63 - 1, "nodes", clauses)
+    cells = numbers_within(mesh.cell_number, 1, 2**63 - 1, "cells", clauses)
     partition = _partition(mesh) if msh == "2.2" else None
     cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
     node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
@@ -66,9 +68,13 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
             where = "msh 2.2 has no numbers" if msh == "2.2" else "fields in msh have no numbers"
             raise WriteError(path, f"{where} above {LARGEST_TAG}, and a {what} has {numbers.max()}")
     if msh == "4.1" and "partition" in cell_data:
-        _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
+        clauses.append("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
     names, note = _names(mesh, entities)
     note |= _by_number(mesh, entities, nodes, cells, msh)
+    clauses += [
+        f"msh has no {kind['type']}: {len(kind['number'])} cells are kept in a section that only lacmesh reads"
+        for kind in note["extra_cells"]
+    ]
     further = [name for name in note["cell_groups"] if _nameless(name, entities.group_tags[name])]
     note["groups"] |= {name: entities.group_tags[name] for name in further}
     with path.open("wb") as file:
@@ -96,18 +102,8 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
         if dump(mesh, "name", "space_dim", "zones", **note):
             text = dump(mesh, "name", "space_dim", "zones", nodes=mesh.n_nodes, cells=mesh.n_cells, **note)
             out.text("\n".join([f"${NOTE}", *in_lines(text), f"$End{NOTE}\n"]))
-
-
-def _warn(message: str) -> None:
-    warnings.warn(LacmeshWarning(message), stacklevel=4)
-
-
-def _positive(numbers: Ints, what: str) -> Ints:
-    """The mesh's numbers; 1, 2 ... where they are not positive and distinct, as msh and gmsh want them."""
-    positive = numbered(numbers)
-    if positive is not numbers:
-        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... in the file")
-    return np.asarray(positive, np.int64)
+    if clauses:
+        warnings.warn(LacmeshWarning("; ".join(clauses)), stacklevel=3)
 
 
 def _partition(mesh: Mesh) -> Ints | None:
@@ -150,7 +146,6 @@ def _by_number(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, versi
         if ALL_CELLS[kind].msh is None and len(rows):
             extra = {"type": kind, "number": cells[a:b], "nodes": nodes[rows].ravel()}
             note["extra_cells"].append(extra | {"entity": tags[entities.cell[a:b]].ravel(), "at": place[a:b]})
-            _warn(f"msh has no {kind}: {len(rows)} cells are kept in a section that only lacmesh reads")
     lacking, first, note["cell_groups"] = _lacking(mesh), version2.first_group(entities), {}
     for name, members in mesh.cell_groups.items() if version == "2.2" or lacking.any() else ():
         missing = lacking[members]

@@ -18,7 +18,7 @@ from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.orders import file_order
 from lacmesh.indices import by_value, repeated
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints, Mesh, Tag, concatenated, positions
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated, mask_of, positions
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
@@ -170,20 +170,19 @@ def _merge(e: Elements) -> tuple[Ints, Ints]:
     if not len(rows) or e.physical.min() == e.physical.max():
         return np.empty((2, 0), np.int64), np.empty(0, np.int64)
     label, n = label_rows(np.column_stack([e.nodes, e.entity[:, 1]])[rows])
-    several = np.bincount(label, minlength=n)[label] > 1
-    label, rows = label[several], rows[several]
-    # of equal elements, the first of each physical group can be merged; the others repeat it truly
-    order = np.lexsort((e.number[rows], e.physical[rows], label))
-    label, rows = label[order], rows[order]
-    again = (label[1:] == label[:-1]) & (e.physical[rows[1:]] == e.physical[rows[:-1]])
-    label, rows = (a[~np.append(False, again)[: len(a)]] for a in (label, rows))
-    order = np.lexsort((e.number[rows], label))
-    label, rows = label[order], rows[order]
-    begins = np.append(True, label[1:] != label[:-1])[: len(rows)]
-    keeper, merged = rows[begins][np.cumsum(begins) - 1][~begins], rows[~begins]
-    repeats, tags = np.stack([e.number[merged], e.number[keeper]]), e.physical[merged]
-    kept = np.ones(len(e.number), bool)
-    kept[merged] = False
+    several = np.flatnonzero(np.bincount(label, minlength=n)[label] > 1)
+    several = several[np.argsort(e.number[rows[several]])]
+    first, groups, merged = dict[int, int](), dict[int, set[int]](), list[tuple[int, int]]()
+    alike = (label[several], rows[several], e.physical[rows[several]])
+    for same, row, tag in zip(*(part.tolist() for part in alike), strict=True):
+        if tag not in groups.setdefault(same, set()):  # one of a group that is there repeats it truly
+            if groups[same]:
+                merged.append((row, first[same]))
+            first.setdefault(same, row)
+            groups[same].add(tag)
+    rows, keeper = np.array(merged, np.int64).reshape(-1, 2).T
+    repeats, tags = np.stack([e.number[rows], e.number[keeper]]), e.physical[rows]
+    kept = ~mask_of(len(e.number), rows)
     e.number, e.nodes, e.entity, e.at, e.physical = (a[kept] for a in (e.number, e.nodes, e.entity, e.at, e.physical))
     e.partition = e.partition if isinstance(e.partition, int) else e.partition[kept]
     return repeats, tags
