@@ -1,4 +1,4 @@
-"""`lacsolver plot`, `film` and `report`: pictures and pages of a run."""
+"""`lacsolver plot`, `film`, `report` and `export`: what is made of a finished run."""
 
 from __future__ import annotations
 
@@ -142,4 +142,34 @@ def report(
     check_report(path)
     run.will_write(path, force=force)
     write_run_report(of_run, path, case=case)
+    print_size(path)
+
+
+def export(
+    folder: RunFolder,
+    *,
+    to: Annotated[Literal["med"], Option("--to", help="med: mesh and fields of all times, for Salome")],
+    target: Annotated[
+        str | None, Option("--output", "-o", metavar="FILE.med", help="default: results.med in the folder")
+    ] = None,
+    force: Force = False,
+    run: Run,
+) -> None:
+    """Write the fields of a run for another program.
+
+    $ lacsolver export press_fit --to med
+    $ lacsolver export press_fit --to med -o press_fit.med
+    """
+    from lacsolver.output.med import write_med
+    from lacsolver.output.names import MED
+    from lacsolver.output.summary import read_summary
+
+    check_alone()
+    of_run = folder_of(folder)
+    path = Path(target) if target else of_run / MED
+    if path.suffix.lower() != ".med":
+        raise RequestError(f"{path}: fields are exported as .med")
+    run.will_write(path, force=force)
+    read_summary(of_run)
+    write_med(of_run, path)
     print_size(path)

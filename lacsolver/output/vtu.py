@@ -1,4 +1,4 @@
-"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, a VTU file for each time of each, and a state.
+"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, a VTU file for each time of each.
 
 Displacements, forces and normals have three components, and stresses six (xx yy zz xy yz xz, VTK's order), in plane
 models too, so that ParaView takes them for vectors and tensors. Points are undeformed.

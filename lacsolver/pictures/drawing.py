@@ -27,7 +27,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.view import Values, check_renderer, image_of
 from lacsolver.case import Case
 from lacsolver.output.ring import fields_of_ring, sector_of
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
 from lacsolver.pictures.frames import DrawnSurface
@@ -106,9 +106,8 @@ def plot(
     0.5
     """
     folder, path = Path(folder), Path(path)
-    summary, stored = read_summary(folder), stored_fields(folder)
-    k = stored_at(stored.times, time)
-    mesh, fields = stored.read(k, tuple(summary.get("contact", {})))
+    summary, stored = read_summary(folder), StoredFields(folder)
+    mesh, fields = stored.mesh, stored.read(stored_at(stored.times, time))
     if ring:
         mesh, fields = fields_of_ring(mesh, fields, sector_of(summary))
     units = Units.of(summary.get("units"))

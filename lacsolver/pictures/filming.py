@@ -29,7 +29,7 @@ from lacmesh.origin import origin_of
 from lacmesh.view import check_renderer
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import pictures_of
@@ -88,7 +88,7 @@ def film(
     title: str | None = None,
     mode: int | None = None,
 ) -> None:
-    """Make a film (.gif) or a sheet of pictures (.png) from the VTU files that `lacsolver.run` wrote into a folder.
+    """Make a film (.gif) or a sheet of pictures (.png) from the fields that `lacsolver.run` wrote into a folder.
 
     `mode`: number of a natural mode, from 1, in a folder of `lacsolver modes`, to be filmed over one period; it has no
     curves, and is coloured by its displacement.
@@ -153,9 +153,9 @@ def _contact_images(
     camera: tuple[float, float, float], title: str,
 ) -> list[Any]:  # fmt: skip
     """Return the pictures of a field on the zones of contact at several times, to one scale, with one magnification."""
-    summary, stored = read_summary(folder), stored_fields(folder)
+    summary, stored = read_summary(folder), StoredFields(folder)
     chosen, units = even_times(stored.times, count), Units.of(summary.get("units"))
-    states = [stored.read(k, tuple(summary.get("contact", {}))) for k in chosen]
+    states = [(stored.mesh, stored.read(k)) for k in chosen]
     zones = [zone for _, fields in states for zone in fields.zones.values()]
     quantity = quantity_of(field, states[-1][1].zones)
     scale = ColourScale.of(quantity, zones, units)
@@ -260,7 +260,8 @@ class _Sheet:
         check_renderer()
         size = (round(inches[0] * 2 * _DPI), round(inches[1] * 2 * _DPI))
         x = np.stack([frame.x for frame in frames])
-        x = x - origin_of(x.reshape(-1, 3))  # a graphics card counts with seven digits
+        seen = surface.drawn
+        x = x - origin_of(x[:, seen].reshape(-1, 3))  # a graphics card counts with seven digits
         pyvista = import_module("pyvista")
         plot = pyvista.Plotter(off_screen=True, window_size=list(size))
         plot.set_background("white")
@@ -269,7 +270,9 @@ class _Sheet:
         edges = pyvista.PolyData(x[0], lines=np.insert(surface.edges, 0, 2, axis=1))
         plot.add_mesh(faces, scalars="colour", rgb=True, smooth_shading=False, ambient=0.65, diffuse=0.45)
         plot.add_mesh(edges, color=INK, opacity=0.35, line_width=1, lighting=False)
-        fit_camera(plot, x.reshape(-1, 3), np.asarray(self.camera) / np.linalg.norm(self.camera), size, 0.015, 0.985)
+        fit_camera(
+            plot, x[:, seen].reshape(-1, 3), np.asarray(self.camera) / np.linalg.norm(self.camera), size, 0.015, 0.985
+        )
         images = []
         for k, frame in enumerate(frames):
             faces.points = edges.points = x[k]

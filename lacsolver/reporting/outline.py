@@ -17,7 +17,7 @@ from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Mesh
 from lacsolver.output.names import HISTORY
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import ContactPicture, missing_packages, pictures_of
@@ -114,9 +114,8 @@ class FinishedRun:
     @cached_property
     def states(self) -> list[tuple[Mesh, Fields]]:
         """Mesh and fields at some of the times that were written, evenly spaced, the last among them."""
-        stored = stored_fields(self.folder)
-        zones = tuple(self.summary.get("contact", {}))
-        return [stored.read(k, zones) for k in even_times(stored.times, TIMES)]
+        stored = StoredFields(self.folder)
+        return [(stored.mesh, stored.read(k)) for k in even_times(stored.times, TIMES)]
 
     @cached_property
     def pictures(self) -> list[ContactPicture]:
