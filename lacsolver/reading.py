@@ -84,7 +84,7 @@ class RunResults(Described):
 
     def report(self, path: str | Path) -> None:
         """Write the page of `lacsolver report` on the run. Raises RequestError, ReadError, WriteError."""
-        from lacsolver.reporting.outline import write_run_report
+        from lacsolver.reporting import write_run_report
 
         write_run_report(self.folder, path)
 

@@ -40,7 +40,7 @@ def run_command(
     ] = None,
     zoom: Annotated[bool, Option(help="with --plot: show only the surroundings of the contact")] = False,
     report: Annotated[
-        str | None, Option(metavar="FILE.html", help="write a page: turning model, pictures, curves, case")
+        str | None, Option(metavar="FILE.html", help="write a report: pictures, curves, tables, the case")
     ] = None,
     force: Force = False,
     run: Run,
@@ -130,7 +130,7 @@ def _check_pages(case: Case, plot: str | None, report: str | None, *, force: boo
         check_plot_of(case, Path(plot))
         check_place(Path(plot), force=force)
     if report is not None:
-        from lacsolver.reporting.outline import check_report
+        from lacsolver.reporting import check_report
 
         check_report(Path(report))
         check_place(Path(report), force=force)
@@ -144,7 +144,7 @@ def _write_pages(case: str, folder: Path, plot: str | None, report: str | None, 
         time = draw(folder, plot, zoom=zoom, title=folder.resolve().name)
         print(f"the pressure at t = {time:.9g}: {plot}")
     if report is not None:
-        from lacsolver.reporting.outline import write_run_report
+        from lacsolver.reporting import write_run_report
 
         write_run_report(folder, report, case=case)
         print(f"the report: {report}")

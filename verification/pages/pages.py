@@ -12,8 +12,8 @@ from html import escape
 from importlib.resources import files
 from typing import NamedTuple
 
-from lacsolver.reporting.blocks import ReportBlock, Verdict, as_markdown
-from lacsolver.reporting.markup import identifier, plain
+from verification.pages.blocks import ReportBlock, Verdict, as_markdown
+from verification.pages.markup import identifier, plain
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _SCRIPTED = f"{_POLICY}; script-src 'unsafe-inline'"
@@ -75,7 +75,7 @@ def _footer(text: str) -> str:
 
 @cache
 def _text(name: str) -> str:
-    return files("lacsolver.reporting").joinpath(name).read_text(encoding="utf-8")
+    return files("verification.pages").joinpath(name).read_text(encoding="utf-8")
 
 
 def _link_to(page: Page) -> str:
