@@ -21,7 +21,7 @@ from lacsolver.output.store import load, save
 from lacsolver.output.tables import read_table
 from lacsolver.pictures import filming
 from lacsolver.pictures.drawing import ContactPicture
-from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film
+from lacsolver.pictures.filming import SHEET, _ends, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
 from lacsolver.pictures.plane import level_out
@@ -491,7 +491,7 @@ def test_the_default_curve_is_one_that_moves_and_a_history_is_drawn(plane, tmp_p
 )
 def test_the_scale_has_zero_and_the_values_of_either_sign(values, log, ends):
     frame = Frame(0.0, np.zeros((len(values), 3)), np.array(values), "")
-    scale = _colour_scale(Frames(None, (frame,)), "pressure", None, log)
+    scale = ColourScale("", **_ends(None, log, Frames(None, (frame,)).span))
     assert (scale.low, scale.high) == ends
 
 
