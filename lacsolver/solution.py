@@ -14,7 +14,6 @@ import logging
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -41,8 +40,8 @@ from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
-from lacsolver.results.step_table import step_columns, step_lines
 from lacsolver.results.units import NO_UNITS, Units
+from lacsolver.watch import Watch
 
 _LOG = logging.getLogger("lacsolver")
 #: what the last call of `march` has made, for the next one
@@ -288,7 +287,7 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     """Solve a case on a mesh and return its last state; slaves that are not cut are cut here.
 
     `case`: a case, or the path of a case file. `mesh`: a mesh, or the path of its file; None for the one that the case
-    names. `progress`: show a bar on stderr, or where that is no terminal a line for each step.
+    names. `progress`: show a line for each step on stderr, and on a terminal or in a notebook iterations too.
     Solved again with the same mesh and another case, what the change leaves as it was is taken again: the cut, the
     pairing, the stiffness and its factor.
 
@@ -318,47 +317,18 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     case = as_case(case)
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
-    bar = progress and _shows_bars()
-    columns = step_columns(case) if progress and not bar else None
-    with _progress(case.steps.last if bar else None) as report:
-        for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
+    watch = Watch(case, sys.stderr, quiet=not progress)
+
+    def iterated(now: Progress) -> None:
+        _log(now)
+        watch.iterated(now)
+
+    with watch:
+        for number, state in enumerate(march_states(problem, progress=iterated, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
-            if columns is not None:
-                lines = step_lines(columns, number, step_figures(problem, state))
-                print(*lines, sep="\n", file=sys.stderr, flush=True)
+            if progress:
+                watch.stepped(step_figures(problem, state))
             yield Solution.of(problem, state, number)
-
-
-def _shows_bars() -> bool:
-    """Return True if stderr is a terminal, or the output that of a notebook."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    return console.is_terminal or console.is_jupyter
-
-
-@contextmanager
-def _progress(end: float | None) -> Iterator[Callable[[Progress], None] | None]:
-    """Show a bar up to the time `end` on stderr, which follows the iterations; log them if `end` is None."""
-    if end is None:
-        yield _log
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("t = {task.completed:.6g}"), TimeElapsedColumn()
-    with Bar(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("solving", total=end)
-
-        def report(now: Progress) -> None:
-            _log(now)
-            bar.update(task, description=f"step to {now.time:.6g}, iteration {now.number}")
-            if now.number == 1:
-                bar.update(task, completed=now.before)
-
-        yield report
-        bar.update(task, completed=end)
 
 
 def _log(now: Progress) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,19 +13,19 @@ from typer import Option
 
 from lacmesh.cli.options import Force
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, print_table
+from lacmesh.cli.terminal import Stages, print_table, show_log
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import CaseFile, FromTime, beside
 from lacsolver.cli.ranks import all_ranks, check_alone
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.cli.summary import Watch
     from lacsolver.distributed.share import Distribution
     from lacsolver.output import OutputFolder
     from lacsolver.problem.problem import Problem
     from lacsolver.results.modes import NaturalModes
     from lacsolver.results.results import Restart
+    from lacsolver.watch import Watch
 
 
 def run_command(
@@ -99,10 +100,12 @@ def _case(path: str, n_ranks: int) -> tuple[Case, Distribution]:
 @contextmanager
 def _watched(case: Case, folder: OutputFolder, start: Restart | None, run: Run) -> Iterator[Watch]:
     """Show a run while it is solved; if it stops, say what it leaves behind and how to continue it."""
-    from lacsolver.cli.summary import Watch
     from lacsolver.equilibrium.stepping import NotConvergedError
+    from lacsolver.watch import Watch
 
-    watch = Watch(case, quiet=run.quiet)
+    watch = Watch(case, sys.stdout, quiet=run.quiet)
+    if not run.quiet:
+        show_log(watch.log)
 
     def left() -> str:
         if watch.time is None:

@@ -116,9 +116,9 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = folder / RESULTS
     if not path.is_file():
         raise ReadError(folder, f"holds no results of a run (no {RESULTS})")
-    if not (folder / MESH).is_file():
-        raise ReadError(folder, "is of an older lacsolver, whose files hold other things; run the case again")
     summary: dict[str, Any] = read_json(path, lambda s: isinstance(s, dict) and {"status", "steps"} <= set(s))
+    if summary["steps"] and not (folder / MESH).is_file():
+        raise ReadError(folder, "is of an older lacsolver, whose files hold other things; run the case again")
     return summary
 
 
