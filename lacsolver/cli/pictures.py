@@ -161,6 +161,11 @@ def export(
     $ lacsolver export press_fit --to med
     $ lacsolver export press_fit --to med -o press_fit.med
     """
+    write_fields(folder, target, force=force, run=run)
+
+
+def write_fields(folder: str, target: str | None, *, force: bool, run: Run) -> None:
+    """Write mesh and fields of a run's folder as MED. Raises RequestError for the name, ReadError, WriteError."""
     from lacsolver.output.med import write_med
     from lacsolver.output.names import MED
     from lacsolver.output.summary import read_summary
