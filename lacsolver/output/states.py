@@ -124,7 +124,9 @@ def _gathered(
     """
     node, index, own = share.node, share.cell, np.zeros(mesh.n_cells, bool)
     assert node is not None and index is not None and share.own is not None
-    orders = dict.fromkeys(("points", "node_number", *(f"node_data.{k}" for k in range(len(part.node_data)))), nodes)
+    orders: dict[str, Order] = dict.fromkeys(
+        ("points", "node_number", *(f"node_data.{k}" for k in range(len(part.node_data)))), nodes
+    )
     for k, block in enumerate(mesh.blocks):
         here = slice(mesh.offsets[k], mesh.offsets[k + 1])
         own[here] = share.own[block.nodes[:, 0]]
@@ -132,14 +134,16 @@ def _gathered(
     cells = Order(share, index, own)
     orders |= dict.fromkeys(("cell_number", *(f"cell_data.{k}" for k in range(len(part.cell_data)))), cells)
 
-    def members(groups: Mapping[str, Ints], place: Ints) -> dict[str, Ints]:
-        return {name: np.unique(share.collect(place[ids].astype(np.int64))) for name, ids in groups.items()}
+    def members(kind: str, groups: Mapping[str, Ints], place: Ints, mine: NDArray[np.bool_]) -> dict[str, Ints]:
+        for k, ids in enumerate(groups.values()):
+            orders[f"{kind}.{k}"] = Order(share, place[ids], mine[ids])
+        return {name: place[ids].astype(np.int64) for name, ids in groups.items()}
 
     whole = part._replace(
         blocks=tuple(Block(kind, node[rows]) for kind, rows in part.blocks),
         file_order=None,
-        cell_groups=members(part.cell_groups, index),
-        node_groups=members(part.node_groups, node),
+        cell_groups=members("cell_groups", part.cell_groups, index, own),
+        node_groups=members("node_groups", part.node_groups, node, share.own),
     )
     return whole, share, orders
 

@@ -212,7 +212,14 @@ def test_pieces_hold_each_cell_once_with_the_displacement_of_the_state(folder, o
     u = read_state(place, case).u.reshape(-1, 3)
     solution = read_results(place).solution()
     assert np.array_equal(solution.u, u[[at[k] for k in solution.mesh.node_number.tolist()]])
-    assert solution.mesh.cells_by_type == prepared(case).cells_by_type and solution.contact["joint"].pressure.min() > 0
+    whole_mesh = prepared(case)
+    assert solution.mesh.cells_by_type == whole_mesh.cells_by_type and solution.contact["joint"].pressure.min() > 0
+    for kind, number in (("cell_groups", "cell_number"), ("node_groups", "node_number")):
+        one, other = (
+            {name: sorted(getattr(mesh, number)[ids].tolist()) for name, ids in getattr(mesh, kind).items()}
+            for mesh in (solution.mesh, whole_mesh)
+        )
+        assert one == other
     for piece in pieces:
         assert np.abs(piece.node_data["displacement"] - u[[at[k] for k in piece.node_number]]).max() <= 1e-15
 
