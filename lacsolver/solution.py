@@ -192,22 +192,16 @@ class Solution(Described):
         grid.point_data["stress"], grid.point_data["von_mises"] = self.stress(), self.von_mises()
         if self.plastic_strain is not None:
             grid.point_data["plastic_strain"] = self.plastic_strain
-        of_zones = {"pressure": np.nan, "gap": np.nan, "status": -2}
-        for name, none in of_zones.items():
-            out = np.full(self.mesh.n_cells, none)
+        for name in ("pressure", "gap", "status", "shear", "slip"):
+            vectors = name in ("shear", "slip")
+            out = np.full((self.mesh.n_cells, 3)[: 1 + vectors], -2 if name == "status" else np.nan)
             for zone in self.contact.values():
-                on = zone.macro >= 0
-                out[zone.surface.cell[on]] = getattr(zone, name)[zone.macro[on]]
-            grid.cell_data[name] = out[order]
-        for name in ("shear", "slip"):
-            vectors = np.full((self.mesh.n_cells, 3), np.nan)
-            for zone in self.contact.values():
-                if name in zone.of_friction:
-                    on = zone.macro >= 0
-                    vectors[zone.surface.cell[on], : zone.normal.shape[1]] = zone.of_friction[name][zone.macro[on]]
-                    vectors[zone.surface.cell[on], zone.normal.shape[1] :] = 0.0
-            if not np.isnan(vectors).all():
-                grid.cell_data[name] = vectors[order]
+                if not vectors or name in zone.of_friction:
+                    on, values = zone.macro >= 0, zone.of_friction[name] if vectors else getattr(zone, name)
+                    values = np.pad(values, ((0, 0), (0, 3 - values.shape[1]))) if vectors else values
+                    out[zone.surface.cell[on]] = values[zone.macro[on]]
+            if not vectors or not np.isnan(out).all():
+                grid.cell_data[name] = out[order]
         return grid
 
     def plot(

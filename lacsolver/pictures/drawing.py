@@ -40,8 +40,7 @@ from lacsolver.pictures.framing import (
     window_of,
     with_skins,
 )
-from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
 from lacsolver.results.results import Fields, ZoneFields

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.topology.bodies import label_bodies
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along
 from lacsolver.results.results import ZoneFields
 
 #: largest length of a magnified displacement, relative to the extent of the mesh

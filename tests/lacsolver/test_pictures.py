@@ -24,8 +24,7 @@ from lacsolver.pictures.drawing import ContactPicture
 from lacsolver.pictures.filming import SHEET, _ends, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
-from lacsolver.pictures.plane import level_out
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along, level_out
 from lacsolver.pictures.quantities import QUANTITIES, RESULT, STATES, ColourScale
 from lacsolver.pictures.skins import views_of
 from lacsolver.results.units import Units
