@@ -11,7 +11,6 @@ of the stiffness again as far as the new case leaves them unchanged.
 from __future__ import annotations
 
 import logging
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -311,7 +310,7 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     case = as_case(case)
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
-    watch = Watch(case, sys.stderr, quiet=not progress)
+    watch = Watch(case, "stderr", quiet=not progress)
 
     def iterated(now: Progress) -> None:
         _log(now)

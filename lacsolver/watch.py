@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Literal
 
 from lacsolver.results.step_table import step_columns, step_lines
 
@@ -35,12 +35,12 @@ class Watch:
     """Shows the solution of a case, from the calls of `iterated` for each iteration and of `stepped` for each step.
 
     Iterations are shown on the terminal of stderr, or in a notebook, and removed afterwards; steps are lines of
-    `target`. `time`: time of the last converged step, or None. Nothing is shown if `quiet`.
+    the `stream`. `time`: time of the last converged step, or None. Nothing is shown if `quiet`.
     """
 
-    def __init__(self, case: Case, target: TextIO, *, quiet: bool = False) -> None:
+    def __init__(self, case: Case, stream: Literal["stdout", "stderr"], *, quiet: bool = False) -> None:
         self.time: float | None = None
-        self._target, self._quiet, self._end = target, quiet, case.steps.last
+        self._stream, self._quiet, self._end = stream, quiet, case.steps.last
         self._columns, self._steps = step_columns(case), 0
         self._iterations: deque[Progress] = deque(maxlen=SHOWN)
         self._begun, self._shown = time.perf_counter(), 0.0
@@ -89,7 +89,8 @@ class Watch:
         self._steps += 1
         self._iterations.clear()
         for line in () if self._quiet else step_lines(self._columns, self._steps, step):
-            print(line, file=self._target, flush=True)  # a log is read while it grows
+            # the stream of now, which is above what is shown; a log is read while it grows
+            print(line, file=getattr(sys, self._stream), flush=True)
 
     def _now(self) -> Any:
         """Return the display of the current step and its iterations."""

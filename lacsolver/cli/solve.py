@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -103,7 +102,7 @@ def _watched(case: Case, folder: OutputFolder, start: Restart | None, run: Run) 
     from lacsolver.equilibrium.stepping import NotConvergedError
     from lacsolver.watch import Watch
 
-    watch = Watch(case, sys.stdout, quiet=run.quiet)
+    watch = Watch(case, "stdout", quiet=run.quiet)
     if not run.quiet:
         show_log(watch.log)
 
