@@ -1,7 +1,7 @@
 """Results of a finished run, read from its folder: the history as arrays, and the solution at each time written.
 
 results.json, history.csv -> status, warnings, columns of the history      (docs/output.md)
-solid, contact_NAME (VTU) or results.med, contact_NAME.csv -> fields       at the times of [output]
+mesh.npz, state_NUMBER.npz -> mesh, fields                                 at the times of [output]
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
 from lacsolver.output.names import HISTORY
-from lacsolver.output.stored import StoredFields, stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table, same_time
 from lacsolver.results.units import Units
@@ -60,7 +60,7 @@ class RunResults(Described):
 
     @cached_property
     def _series(self) -> StoredFields:
-        return stored_fields(self.folder)
+        return StoredFields(self.folder)
 
     @cached_property
     def times(self) -> NDArray[np.floating]:
@@ -73,18 +73,18 @@ class RunResults(Described):
         time, history = float(self.times[i]), self.history
         row = next((k for k, t in enumerate(history["time"]) if same_time(t, time)), None)
         iterations = 0 if row is None else int(history["iterations"][row])
-        mesh, fields = self._series.read(i, tuple(self.summary.get("contact", {})))
+        fields = self._series.read(i)
         step: Mapping[str, Any] = next((one for one in self.summary["steps"] if same_time(one["time"], time)), {})
         of_step = {
             what: {name: np.array(values, dtype=float) for name, values in step.get(what, {}).items()}
             for what in ("reactions", "probes")
         }
         units = Units.of(self.summary.get("units"))
-        return Solution(mesh, time, iterations, lambda: fields, units=units, _of_step=of_step)
+        return Solution(self._series.mesh, time, iterations, lambda: fields, units=units, _of_step=of_step)
 
     def report(self, path: str | Path) -> None:
         """Write the page of `lacsolver report` on the run. Raises RequestError, ReadError, WriteError."""
-        from lacsolver.reporting.outline import write_run_report
+        from lacsolver.reporting import write_run_report
 
         write_run_report(self.folder, path)
 

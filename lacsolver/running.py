@@ -139,18 +139,13 @@ class RunOutput:
         self._writer: Writer | None = None
         self._last: State | None = None
         self._compressed: Floats | None = None
-        self._linear_solver = ""
-        #: the first sentence about cells that are folded at a node, of which `march` has warned
-        self._folded = ""
+        #: the first warning of each kind: `solver` and `folded`, of which `march` has warned, and those of `_look_at`
+        self._first: dict[str, str] = {}
         #: largest covered fraction of each zone so far, 1 once it has been in contact
         self._covered: dict[str, float] = {}
-        #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
-        self._touched, self._way = closed_at_start(problem, faces), ""
-        #: motions of rigid bodies at the end of the last step, and the first warning of one that turns far
+        #: macro-elements of each zone in contact, and motions of rigid bodies, at the end of the last step
+        self._touched = closed_at_start(problem, faces)
         self._rigid: Mapping[str, Floats] = {}
-        self._turned = ""
-        #: the first warning of a macro-element whose edge dips into its master
-        self._dipped = ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -178,27 +173,37 @@ class RunOutput:
         problem = self._problem
         writer = self._writer = self._writer or self._open()
         self._number, self._last = self._number + 1, state
+        self._look_at(state)
+        stress = point_stress(problem, state)
+        steps = (*self.results.steps, step_figures(problem, state, stress))
+        self.results = replace(self.results, steps=steps, stress=stress_ranges(problem.space, stress), **self._spent())
+        size = state.step.step_size if np.isfinite(state.step.step_size) else problem.case.steps.last
+        writer.step(self.results, lambda: state_fields(problem, state, stress), Restart.of(state, size, self._number))
+
+    def _look_at(self, state: State) -> None:
+        """Keep what warnings at the end of the run need of a converged step."""
+        problem = self._problem
         for zone in state.zones:  # a ball that touches a plane has most of its skin away from it, as it should
             touches = (zone.status >= CONTACT).any()
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
-        self._linear_solver = self._linear_solver or state.linear_solver
-        self._folded = self._folded or state.folded
-        self._way = self._way or next(sliding_since_contact(state, self._touched), "")
-        self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
-        self._dipped = self._dipped or next(dipped(problem, state), "")
+        looks: dict[str, Callable[[], str]] = {
+            "solver": lambda: state.linear_solver,
+            "folded": lambda: state.folded,
+            "way": lambda: next(sliding_since_contact(state, self._touched), ""),
+            "turned": lambda: next(turned_far(problem, state, self._rigid), ""),
+            "dipped": lambda: next(dipped(problem, state), ""),
+        }
+        for kind, look in looks.items():
+            self._first[kind] = self._first.get(kind) or look()
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         self._rigid = state.rigid
-        stress = point_stress(problem, state)
-        steps, ranges = (
-            (*self.results.steps, step_figures(problem, state, stress)),
-            stress_ranges(problem.space, stress),
-        )
-        self.results = replace(self.results, steps=steps, stress=ranges, **self._spent())
         now = most_compressed(problem, state)
         self._compressed = now if self._compressed is None else worse(self._compressed, now)
-        size = state.step.step_size if np.isfinite(state.step.step_size) else problem.case.steps.last
-        writer.step(self.results, lambda: state_fields(problem, state, stress), Restart.of(state, size, self._number))
+
+    def _warnings(self, *kinds: str) -> list[str]:
+        """Return the first warning of each kind, where there is one."""
+        return [self._first[kind] for kind in kinds if self._first.get(kind)]
 
     def __enter__(self) -> RunOutput:
         return self
@@ -219,9 +224,7 @@ class RunOutput:
             modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
             weight = None if problem.inertia is None else problem.inertia.weight
             loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
-        message = "\n".join(
-            [*filter(None, [self._linear_solver, self._folded]), *messages]
-        )  # that was warned of when it happened
+        message = "\n".join([*self._warnings("solver", "folded"), *messages])  # the first are known already
         self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:
             warnings.warn(LacmeshWarning(message), stacklevel=4)
@@ -236,7 +239,7 @@ class RunOutput:
             tried = error.state
             writer = self._writer or self._open()
             writer.finish(self.results, lambda: state_fields(self._problem, tried))
-            for message in (*self._softened(), *filter(None, [self._dipped])):
+            for message in (*self._softened(), *self._warnings("dipped")):
                 warnings.warn(LacmeshWarning(message), stacklevel=4)
         elif self._writer is not None:
             self._writer.finish(self.results)
@@ -262,7 +265,7 @@ class RunOutput:
         yield from _doubtful_energy(problem.case, self.results)
         yield from _doubtful_dissipation(self.results)
         yield from self._softened()
-        yield from filter(None, [self._way, self._turned, self._dipped])
+        yield from self._warnings("way", "turned", "dipped")
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)

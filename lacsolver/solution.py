@@ -11,10 +11,8 @@ of the stiffness again as far as the new case leaves them unchanged.
 from __future__ import annotations
 
 import logging
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -41,8 +39,8 @@ from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
-from lacsolver.results.step_table import step_columns, step_lines
 from lacsolver.results.units import NO_UNITS, Units
+from lacsolver.watch import Watch
 
 _LOG = logging.getLogger("lacsolver")
 #: what the last call of `march` has made, for the next one
@@ -193,22 +191,16 @@ class Solution(Described):
         grid.point_data["stress"], grid.point_data["von_mises"] = self.stress(), self.von_mises()
         if self.plastic_strain is not None:
             grid.point_data["plastic_strain"] = self.plastic_strain
-        of_zones = {"pressure": np.nan, "gap": np.nan, "status": -2}
-        for name, none in of_zones.items():
-            out = np.full(self.mesh.n_cells, none)
+        for name in ("pressure", "gap", "status", "shear", "slip"):
+            vectors = name in ("shear", "slip")
+            out = np.full((self.mesh.n_cells, 3)[: 1 + vectors], -2 if name == "status" else np.nan)
             for zone in self.contact.values():
-                on = zone.macro >= 0
-                out[zone.surface.cell[on]] = getattr(zone, name)[zone.macro[on]]
-            grid.cell_data[name] = out[order]
-        for name in ("shear", "slip"):
-            vectors = np.full((self.mesh.n_cells, 3), np.nan)
-            for zone in self.contact.values():
-                if name in zone.of_friction:
-                    on = zone.macro >= 0
-                    vectors[zone.surface.cell[on], : zone.normal.shape[1]] = zone.of_friction[name][zone.macro[on]]
-                    vectors[zone.surface.cell[on], zone.normal.shape[1] :] = 0.0
-            if not np.isnan(vectors).all():
-                grid.cell_data[name] = vectors[order]
+                if not vectors or name in zone.of_friction:
+                    on, values = zone.macro >= 0, zone.of_friction[name] if vectors else getattr(zone, name)
+                    values = np.pad(values, ((0, 0), (0, 3 - values.shape[1]))) if vectors else values
+                    out[zone.surface.cell[on]] = values[zone.macro[on]]
+            if not vectors or not np.isnan(out).all():
+                grid.cell_data[name] = out[order]
         return grid
 
     def plot(
@@ -288,7 +280,7 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     """Solve a case on a mesh and return its last state; slaves that are not cut are cut here.
 
     `case`: a case, or the path of a case file. `mesh`: a mesh, or the path of its file; None for the one that the case
-    names. `progress`: show a bar on stderr, or where that is no terminal a line for each step.
+    names. `progress`: show a line for each step on stderr, and on a terminal or in a notebook iterations too.
     Solved again with the same mesh and another case, what the change leaves as it was is taken again: the cut, the
     pairing, the stiffness and its factor.
 
@@ -318,47 +310,18 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     case = as_case(case)
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
-    bar = progress and _shows_bars()
-    columns = step_columns(case) if progress and not bar else None
-    with _progress(case.steps.last if bar else None) as report:
-        for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
+    watch = Watch(case, "stderr", quiet=not progress)
+
+    def iterated(now: Progress) -> None:
+        _log(now)
+        watch.iterated(now)
+
+    with watch:
+        for number, state in enumerate(march_states(problem, progress=iterated, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
-            if columns is not None:
-                lines = step_lines(columns, number, step_figures(problem, state))
-                print(*lines, sep="\n", file=sys.stderr, flush=True)
+            if progress:
+                watch.stepped(step_figures(problem, state))
             yield Solution.of(problem, state, number)
-
-
-def _shows_bars() -> bool:
-    """Return True if stderr is a terminal, or the output that of a notebook."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    return console.is_terminal or console.is_jupyter
-
-
-@contextmanager
-def _progress(end: float | None) -> Iterator[Callable[[Progress], None] | None]:
-    """Show a bar up to the time `end` on stderr, which follows the iterations; log them if `end` is None."""
-    if end is None:
-        yield _log
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("t = {task.completed:.6g}"), TimeElapsedColumn()
-    with Bar(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("solving", total=end)
-
-        def report(now: Progress) -> None:
-            _log(now)
-            bar.update(task, description=f"step to {now.time:.6g}, iteration {now.number}")
-            if now.number == 1:
-                bar.update(task, completed=now.before)
-
-        yield report
-        bar.update(task, completed=end)
 
 
 def _log(now: Progress) -> None:

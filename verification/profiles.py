@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacsolver.reporting.charts import Line
 from lacsolver.results.state import State
+from verification.pages.charts import Line
 from verification.solving import Solved
 
 Floats = NDArray[np.floating]

@@ -15,8 +15,8 @@ from functools import partial
 from inspect import signature
 from typing import Any, Literal
 
-from lacsolver.reporting.charts import Plot
 from verification.measures.rates import fitted, pairwise
+from verification.pages.charts import Plot
 
 #: each has the cases of those before it
 SUITES = ("quick", "full", "all")

@@ -11,8 +11,6 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +24,7 @@ from lacmesh.formats.output import check_place, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian, measure_cells, measures_of
 from lacmesh.quality.summary import PERCENTS, Statistics, statistics
+from lacmesh.report.markdown import html_page, plain, table
 from lacmesh.report.touched import Touched, WorstChild, touched, worst_children
 
 if TYPE_CHECKING:
@@ -39,9 +38,6 @@ MEASURES = ("corner_jacobian", "validity", "edge_ratio", "min_dihedral", "max_di
 WORST = 10
 _STATISTICS = ("min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
 _WORDS = {3: "Solid cells", 2: "Surface cells", 1: "Lines"}
-_STYLE = """body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 70rem }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums } td, th { padding: .2rem .7rem }
-th { text-align: left; border-bottom: 2px solid #c9d1da } td { border-bottom: 1px solid #e2e5e8 }"""
 _MEANINGS = """\
 **corner_jacobian**: the least, over the corners, of the determinant of the edges brought to length 1, over
 that of the ideal cell: 1 ideal, 0 flat, negative folded over. A cut makes flat cells of any parent: judge it by the
@@ -244,11 +240,7 @@ def report_bytes(suffix: str, report: CutReport, name: str = "") -> bytes:
     text = "\n\n".join(_paragraphs(report, name)) + "\n"
     if suffix == ".md":
         return text.encode()
-    body = import_module("markdown_it").MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    policy = "default-src 'none'; style-src 'unsafe-inline'"
-    head = f'<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-    head += f"<title>{escape(_title(name))}</title>\n<style>\n{_STYLE}\n</style>"
-    return f'<!DOCTYPE html>\n<html lang="en">\n<head>\n{head}\n</head>\n<body>\n{body}</body>\n</html>\n'.encode()
+    return html_page(text, _title(name)).encode()
 
 
 def _title(name: str) -> str:
@@ -260,15 +252,15 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
     from lacmesh import __version__
 
     s = report.summary
-    yield f"# {_plain(_title(name))}"
-    rows = [(_plain(name), *values) for name, *values in s.rows()]
-    yield _table(("", "before", "after", "added"), rows)
+    yield f"# {plain(_title(name))}"
+    rows = [(plain(name), *values) for name, *values in s.rows()]
+    yield table(("", "before", "after", "added"), rows)
     yield " ".join(_sentences(report))
     if report.findings is not None:
         yield "## What the check found"
         for f in report.findings:
-            where = f" in {_plain(f.where.group)}" if f.where.group else ""
-            yield f"**{f.severity}, {f.rule}{where}**: {_plain(f.message)}."
+            where = f" in {plain(f.where.group)}" if f.where.group else ""
+            yield f"**{f.severity}, {f.rule}{where}**: {plain(f.message)}."
         if not report.findings:
             yield "Nothing."
     for c in report.comparisons:
@@ -276,11 +268,11 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
             yield f"## {_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after"
             pairs = ((m, when, own[m]) for m in c.after for when, own in (("before", c.before), ("after", c.after)))
             rows = [(m, when, *values(of)) for m, when, of in pairs]
-            yield _table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *values(c.ratio))])
+            yield table(("measure", "", *_STATISTICS), [*rows, ("child / parent", "", *values(c.ratio))])
     if report.worst:
         yield "## New cells of lowest quality"
         names = ("cell", "type", "of", "corner_jacobian", "of its parent", "centroid", "groups")
-        yield _table(names, [_row(w) for w in report.worst])
+        yield table(names, [_row(w) for w in report.worst])
     yield "## What the numbers mean"
     yield _MEANINGS
     yield f"lacmesh {__version__}"
@@ -289,14 +281,14 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
 def _row(w: WorstChild) -> tuple[str, ...]:
     place = ", ".join(f"{v:.4g}" for v in w.centroid)
     values = (number(w.corner_jacobian), number(w.corner_jacobian_of_parent))
-    return (str(w.cell), w.type, f"{w.parent_type} {w.parent}", *values, place, _plain(", ".join(w.groups)))
+    return (str(w.cell), w.type, f"{w.parent_type} {w.parent}", *values, place, plain(", ".join(w.groups)))
 
 
 def _sentences(report: CutReport) -> Iterator[str]:
     if not report.comparisons:
         yield "Every slave face owned an internal dof already: no cell was cut."
         return
-    bad = [_plain(zone) for zone, (_, least) in report.internal.items() if not least]
+    bad = [plain(zone) for zone, (_, least) in report.internal.items() if not least]
     if bad:
         yield f"Some macro-elements of {', '.join(bad)} own no internal dof: the hypothesis of LAC does not hold."
     else:
@@ -307,27 +299,9 @@ def _sentences(report: CutReport) -> Iterator[str]:
     )
 
 
-def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    head = list(names)
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def values(s: Statistics) -> tuple[str, ...]:
     """Format the least value of a measure, percentiles, the largest and the mean."""
     return tuple(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean))
-
-
-def _plain(text: str) -> str:
-    r"""Text as Markdown in which signs are only signs.
-
-    >>> _plain("a|b*")
-    'a\\|b\\*'
-    """
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text.replace("\n", " "))
-    for sign in "\\`*_<>[]|&#":
-        text = text.replace(sign, "\\" + sign)
-    return text
 
 
 def number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""`lacsolver example`, `new`, `import`, `export`, `validate` and `schema`: case files."""
+"""`lacsolver example`, `new`, `import`, `validate` and `schema`: case files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
@@ -15,7 +14,6 @@ from lacmesh.cli.files import Folder, Name, offer
 from lacmesh.cli.options import Force
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, print_json, print_table
-from lacmesh.errors import RequestError
 from lacsolver.cli.options import CaseFile, NewCase, case_beside
 from lacsolver.cli.ranks import check_alone
 
@@ -111,39 +109,6 @@ def import_(
     print_table(("case", str(path)), _content(imported))
     print(f"next: lacsolver validate {path}, lacsolver run {path}")
     print(f"{deck}: {stage.spent()}")
-
-
-def export(
-    case: CaseFile,
-    *,
-    target: Annotated[
-        str | None, Option("--output", "-o", metavar="JOB.inp", help="default: the case's name with the suffix .inp")
-    ] = None,
-    partial: Annotated[bool, Option(help="leave out what CalculiX has not, with a warning for each")] = False,
-    force: Force = False,
-    run: Run,
-) -> None:
-    """Write a case as a deck of CalculiX (.inp), with its mesh.
-
-    $ lacsolver export press.toml -o job.inp
-    """
-    write_deck(case, target, partial=partial, force=force, run=run)
-
-
-def write_deck(case: str, target: str | None, *, partial: bool, force: bool, run: Run) -> None:
-    """Write a case as a deck, and print what CalculiX computes in another way. Raises RequestError for the name."""
-    from lacsolver.case import read_case
-    from lacsolver.decks import export_deck
-
-    check_alone()
-    path = Path(target) if target else Path(case).with_suffix(".inp")
-    if path.suffix.lower() != ".inp":
-        raise RequestError(f"{path}: a deck is called .inp; name it so")
-    run.will_write(path, force=force)
-    for sentence in export_deck(read_case(case), path, partial=partial):
-        level = "warning" if sentence.startswith("left out: ") else "note"
-        print(f"lacsolver: {level}: {sentence}", file=sys.stderr)
-    print(f"{path}: run it with ccx {path.with_suffix('')}")
 
 
 def _content(imported: Imported) -> Iterator[tuple[str, str]]:

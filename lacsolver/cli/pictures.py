@@ -1,4 +1,4 @@
-"""`lacsolver plot`, `film` and `report`: pictures and pages of a run."""
+"""`lacsolver plot`, `film` and `report`: what is made of a finished run."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def report(
     folder: RunFolder,
     *,
     target: Annotated[
-        str | None, Option("--output", "-o", metavar="FILE.html", help="default: report.html in the folder")
+        str | None, Option("--output", "-o", metavar="FILE", help=".html or .md (default: report.html in the folder)")
     ] = None,
     case: Annotated[
         str | None, Option(metavar="CASE.toml", help="the case to show (default: the one beside the folder)")
@@ -129,17 +129,18 @@ def report(
     force: Force = False,
     run: Run,
 ) -> None:
-    """Write a page on a run: the turning model, pictures, curves, the case.
+    """Write a report on a run: pictures, curves, tables, the case; and beside it a page with the turning model.
 
     $ lacsolver report press_fit
     $ lacsolver report press_fit --case press_fit.toml -o press_fit.html
     """
-    from lacsolver.reporting.outline import check_report, write_run_report
+    from lacsolver.reporting import check_report, model_page, write_run_report
 
     check_alone()
     of_run = folder_of(folder)
     path = Path(target) if target else of_run / "report.html"
     check_report(path)
-    run.will_write(path, force=force)
+    for place in (path, model_page(path)):
+        run.will_write(place, force=force)
     write_run_report(of_run, path, case=case)
     print_size(path)

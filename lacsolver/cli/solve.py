@@ -12,19 +12,19 @@ from typer import Option
 
 from lacmesh.cli.options import Force
 from lacmesh.cli.program import Run
-from lacmesh.cli.terminal import Stages, print_table
+from lacmesh.cli.terminal import Stages, print_table, show_log
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import CaseFile, FromTime, beside
 from lacsolver.cli.ranks import all_ranks, check_alone
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.cli.summary import Watch
     from lacsolver.distributed.share import Distribution
     from lacsolver.output import OutputFolder
     from lacsolver.problem.problem import Problem
     from lacsolver.results.modes import NaturalModes
     from lacsolver.results.results import Restart
+    from lacsolver.watch import Watch
 
 
 def run_command(
@@ -40,7 +40,7 @@ def run_command(
     ] = None,
     zoom: Annotated[bool, Option(help="with --plot: show only the surroundings of the contact")] = False,
     report: Annotated[
-        str | None, Option(metavar="FILE.html", help="write a page: turning model, pictures, curves, case")
+        str | None, Option(metavar="FILE.html", help="write a report: pictures, curves, tables, the case")
     ] = None,
     force: Force = False,
     run: Run,
@@ -99,10 +99,12 @@ def _case(path: str, n_ranks: int) -> tuple[Case, Distribution]:
 @contextmanager
 def _watched(case: Case, folder: OutputFolder, start: Restart | None, run: Run) -> Iterator[Watch]:
     """Show a run while it is solved; if it stops, say what it leaves behind and how to continue it."""
-    from lacsolver.cli.summary import Watch
     from lacsolver.equilibrium.stepping import NotConvergedError
+    from lacsolver.watch import Watch
 
-    watch = Watch(case, quiet=run.quiet)
+    watch = Watch(case, "stdout", quiet=run.quiet)
+    if not run.quiet:
+        show_log(watch.log)
 
     def left() -> str:
         if watch.time is None:
@@ -130,7 +132,7 @@ def _check_pages(case: Case, plot: str | None, report: str | None, *, force: boo
         check_plot_of(case, Path(plot))
         check_place(Path(plot), force=force)
     if report is not None:
-        from lacsolver.reporting.outline import check_report
+        from lacsolver.reporting import check_report
 
         check_report(Path(report))
         check_place(Path(report), force=force)
@@ -144,7 +146,7 @@ def _write_pages(case: str, folder: Path, plot: str | None, report: str | None, 
         time = draw(folder, plot, zoom=zoom, title=folder.resolve().name)
         print(f"the pressure at t = {time:.9g}: {plot}")
     if report is not None:
-        from lacsolver.reporting.outline import write_run_report
+        from lacsolver.reporting import write_run_report
 
         write_run_report(folder, report, case=case)
         print(f"the report: {report}")

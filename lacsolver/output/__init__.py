@@ -4,9 +4,10 @@
     writer = writes after every step, and at the end                                    (writer)
         results.json                                                                    (summary)
         history.csv, contact_NAME.csv                                                   (tables)
-        solid.pvd, contact_NAME.pvd and their VTU files, or results.med                 (parts, vtu, med)
-        state_NUMBER.npz                                                                (states)
+        mesh.npz, state_NUMBER.npz: fields, and what a restart needs                    (states, store)
+        solid.pvd, contact_NAME.pvd and their VTU files, for ParaView                   (parts, vtu)
     restart = a state of an earlier run of the same case                                (states)
+    export = results.med, from the files of a finished run                              (med)
 
 The writers use only the records of `lacsolver.results.results`, and do not depend on the solver.
 """

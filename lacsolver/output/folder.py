@@ -7,14 +7,12 @@ are not those of results are kept. A restart into the folder that its state came
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, some, writing
 from lacmesh.formats.output import is_abandoned
-from lacsolver.output.lock import check_free, hold
 from lacsolver.output.names import FIELDS, UNCONVERGED, leftovers_in, number_of, results_in, states_in
 from lacsolver.results.results import Restart
 
@@ -30,21 +28,6 @@ class OutputFolder:
     restart: Restart | None = None
     force: bool = False
 
-    def hold(self) -> Callable[[], None]:
-        """Make the folder and lock it against other runs; return the function that unlocks it.
-
-        Raises RequestError if another run writes into it, or has done so since this run started; WriteError.
-        """
-        with writing(self.path):
-            self.path.mkdir(exist_ok=True)
-            let_go = hold(self.path)
-            try:
-                self.check()
-            except BaseException:
-                let_go()
-                raise
-            return let_go
-
     def check(self) -> None:
         """Raise RequestError if the folder holds results that would be lost (unless `force`); OSError."""
         there = results_in(self.path) if self.path.is_dir() and not self.force else []
@@ -54,13 +37,15 @@ class OutputFolder:
             _check_states(self.path, self.restart)
 
     def take(self) -> None:
-        """Remove the results of an earlier run from the folder, for a restart only those after its state.
+        """Make the folder, and remove the results of an earlier run from it, for a restart only those after its state.
 
-        Raises WriteError.
+        Raises RequestError if results have come there that would be lost, WriteError.
         """
         with writing(self.path):
+            self.path.mkdir(exist_ok=True)
+            self.check()
             for path in leftovers_in(self.path):
-                if is_abandoned(path, locked=True):
+                if is_abandoned(path):
                     path.unlink()
             for path in results_in(self.path):
                 if self.restart is None or _later(path, self.restart):
@@ -74,8 +59,8 @@ def create_output(path: str | os.PathLike[str], *, force: bool = False, restart:
     """Return the folder that a run is to write into; no file is written or removed until `OutputFolder.take`.
 
     `restart`: state that the run starts from; if it came from the same folder, the files there are continued. Raises
-    RequestError if the folder holds results that would be lost (unless `force`) or another run writes into it,
-    WriteError if no files can be made there.
+    RequestError if the folder holds results that would be lost (unless `force`), WriteError if no files can be made
+    there.
 
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as place:
@@ -87,7 +72,6 @@ def create_output(path: str | os.PathLike[str], *, force: bool = False, restart:
     folder = OutputFolder(path, restart if continued else None, force)
     with writing(path, "cannot be used"):
         check_folder(path)
-        check_free(path)
         folder.check()
     return folder
 

@@ -1,7 +1,7 @@
-"""Fields for Salome: results.med, with the mesh and the fields of every time that is written.
+"""Fields of a finished run for Salome: results.med, with the mesh and the fields of every time that was written.
 
-Times are added to the existing file: MED stores fields by name, and each field by time. A zone's fields on faces are
-defined on its slave faces only, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`); names are those of
+MED stores fields by name, and each field by time. A zone's fields on faces are defined on its slave faces only, by a
+profile. The layout is that of MED 4.1 (`lacmesh.formats.med`); names are those of
 code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA, SIEQ_NOEU with VMIS and with PRIN_1 to PRIN_3, which ascend,
 and of metals that yield VARI_NOEU with the component V1, the accumulated plastic strain; the names of a zone's fields
 begin with its name.
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
 from operator import or_
@@ -22,6 +21,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.errors import RequestError
 from lacmesh.formats import write
 from lacmesh.formats.hdf5 import add_array, add_group, image, set_attributes, set_mask
 from lacmesh.formats.med_fields import NO_PROFILE, title
@@ -30,10 +30,10 @@ from lacmesh.formats.output import replacing
 from lacmesh.mesh import Ints, places_of
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
-from lacsolver.output.tables import until
+from lacsolver.output.states import StoredFields
 from lacsolver.results.nodal import principal, von_mises
 from lacsolver.results.results import Fields, ZoneFields
-from lacsolver.space.space import COMPONENTS, Space
+from lacsolver.space.space import COMPONENTS
 
 _AXES = "XYZ"
 #: MED's codes of types of values; bits of cells and nodes in the mask LEN; bytes of a component's name
@@ -62,31 +62,31 @@ class _Field(NamedTuple):
     supports: tuple[_Support, ...]
 
 
-class MedSeries:
-    """The file results.med of a folder; for a restart, an existing one is continued after the time `end`.
+def write_med(folder: Path, path: Path | None = None) -> Path:
+    """Write the mesh and the fields of a run's folder into a file, `results.med` in it by default; return its path.
 
-    Raises WriteError.
+    An existing file is replaced at the end. Raises ReadError, RequestError for a folder without fields, WriteError.
     """
+    path = path or folder / MED
+    stored = StoredFields(folder)
+    if not stored.times:
+        raise RequestError(f"{folder} holds no fields to export; run the case again")
+    part = whole(stored.mesh)
+    name = title(path, part.mesh.name or "mesh", "mesh", [])
+    part = part._replace(mesh=replace(part.mesh, name=name))
+    with replacing(path) as (beside,):
+        write(beside, part.mesh)
+        with image(beside, beside) as root:
+            for k, (time, number) in enumerate(zip(stored.times, stored.numbers, strict=True)):
+                series = list(_fields(stored.read(k), part))
+                for link, field in zip(_names(path, [one.name for one in series]), series, strict=True):
+                    _add_time(root, _home(root, link, name, field), field, time, number)
+    return path
 
-    def __init__(self, folder: Path, space: Space, zones: Iterable[str], end: float | None = None) -> None:
-        self._path, self._space = folder / MED, space
-        _names(self._path, [f"{zone}.{_LONGEST}" for zone in zones])
-        part = whole(space.mesh)
-        self._name = title(self._path, part.mesh.name or "mesh", "mesh", [])
-        self._part = part._replace(mesh=replace(part.mesh, name=self._name))
-        if end is not None and self._path.exists():
-            _cut_off(self._path, end)
 
-    def write(self, fields: Fields, number: int) -> None:
-        """Add the fields after `number` steps. Raises WriteError."""
-        series = list(_fields(fields, self._part, self._space))
-        names = _names(self._path, [field.name for field in series])
-        if not self._path.exists():
-            write(self._path, self._part.mesh)
-        with _changed(self._path) as root:
-            for name, field in zip(names, series, strict=True):
-                home = _home(root, name, self._name, field)
-                _add_time(root, home, field, fields.time, number)
+def check_names(folder: Path, zones: Iterable[str]) -> None:
+    """Raise WriteError for a zone whose name is too long for MED."""
+    _names(folder / MED, [f"{zone}.{_LONGEST}" for zone in zones])
 
 
 def _names(path: Path, names: Iterable[str]) -> list[str]:
@@ -97,10 +97,10 @@ def _names(path: Path, names: Iterable[str]) -> list[str]:
     return titles
 
 
-def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:
+def _fields(fields: Fields, part: Part) -> Iterator[_Field]:
     everywhere = (_Support("NOE", 1, np.arange(len(part.nodes)), None),)
-    axes = _AXES[: space.dim]
-    stresses = tuple(f"SI{name.upper()}" for name in COMPONENTS[: space.model.n_stress])
+    axes = _AXES[: fields.displacement.shape[1]]
+    stresses = tuple(f"SI{name.upper()}" for name in COMPONENTS[: fields.stress.shape[1]])
     yield _Field("DEPL", tuple(f"D{a}" for a in axes), True, fields.displacement, everywhere)
     yield _Field("SIEF_NOEU", stresses, True, fields.stress, everywhere)
     of_size = np.column_stack([von_mises(fields.stress), principal(fields.stress)[:, ::-1]])  # ascending: code_aster's
@@ -198,21 +198,3 @@ def _profile(root: h5py.Group, places: Ints) -> str:
     if name not in profiles:
         add_array(add_group(profiles, name, NBR=len(numbers)), "PFL", numbers)
     return name
-
-
-@contextmanager
-def _changed(path: Path) -> Iterator[h5py.File]:
-    """Yield the file with its content in memory; at the end the new file takes its place. Raises WriteError."""
-    with replacing(path) as (beside,), image(beside, path) as root:
-        yield root
-
-
-def _cut_off(path: Path, end: float) -> None:
-    """Remove the times after `end` from a file. Raises WriteError."""
-    with _changed(path) as root:
-        for home in list(root["CHA"].values()) if "CHA" in root else ():
-            later = [name for name, step in home.items() if not until(float(step.attrs["PDT"]), end)]
-            for name in later:
-                del home[name]
-            if later:
-                _count_times(home, "LNA" in home.attrs)

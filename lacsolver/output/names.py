@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from itertools import chain, count
 from pathlib import Path
 
-RESULTS, HISTORY, MED = "results.json", "history.csv", "results.med"
+RESULTS, HISTORY, MED, MESH = "results.json", "history.csv", "results.med", "mesh.npz"
 SOLID, CONTACT, RING = "solid", "contact_", "ring"
-#: the state of ParaView: a module of this package, which is copied
 #: files of `lacsolver modes`
 MODES, MODES_PVD = "modes.json", "modes.pvd"
 #: subfolders: of the VTU files, and of the last state tried by a run that failed
@@ -17,12 +16,12 @@ FIELDS, UNCONVERGED = "fields", "unconverged"
 _STATE = re.compile(r"state_(\d{4,})\.npz")
 _VTU = re.compile(r"(?:solid|ring|contact_.+)_(\d{4,})(?:\.vtu|\.pvtu|\.r\d{5}\.vtu)")
 _OURS = re.compile(
-    r"results\.json|history\.csv|results\.med|solid\.pvd|ring\.pvd|paraview_state\.py|contact_.+\.(?:csv|pvd)"
+    r"results\.json|history\.csv|results\.med|mesh\.npz|solid\.pvd|ring\.pvd|contact_.+\.(?:csv|pvd)"
     r"|state_\d{4,}\.npz"
 )
 #: names of results while they are written, hidden: a stem that may be shortened, a token, a suffix
 _HIDDEN = re.compile(
-    r"\.(?:results|history|solid.*|ring.*|contact_.+|state_\d{4,})-(?:[0-9a-f]{16}|[0-9a-f]{24})\.(?:json|csv|med|pvd|npz|vtu|pvtu)"
+    r"\.(?:results|history|mesh|solid.*|ring.*|contact_.+|state_\d{4,})-(?:[0-9a-f]{16}|[0-9a-f]{24})\.(?:json|csv|med|pvd|npz|vtu|pvtu)"
 )
 #: longest part of a file's name for a zone
 _LENGTH = 80

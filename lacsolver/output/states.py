@@ -1,97 +1,181 @@
-"""States for a restart: a file state_NUMBER.npz for every time that is written.
+"""Written times: a file state_NUMBER.npz for each, with its fields and all that a restart needs; and the mesh, once.
 
-A file holds the arrays of a `Restart`, and, as JSON in the bytes of `about`, its numbers, the names of its zones and
-rigid bodies, and the fingerprint of the case (`lacsolver.case.fingerprint`).
+    mesh.npz           = the mesh, with the records of its cut, without other data of its file
+    state_NUMBER.npz   = version, time; `restart`: a `Restart`; `fields`: its `Fields`, if they were due
+
+Both are records as `lacsolver.output.store` writes them. Pictures, films, reports, exports and restarts read them, and
+nothing else of a folder but its tables.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import struct
-import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import DataError, ReadError, RequestError, reading
-from lacmesh.mesh import Mesh
-from lacsolver.case import Case, changed, fingerprint, fingerprint_as
-from lacsolver.contact.anchors import Anchors
-from lacsolver.distributed.share import ALONE, Share
-from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
-from lacsolver.output.names import state_file, states_in
+from lacmesh.mesh import Block, Floats, Ints, Mesh
+from lacsolver.case import Case, changed, fingerprint
+from lacsolver.distributed.share import Share
+from lacsolver.output.names import MESH, state_file, states_in
+from lacsolver.output.store import DAMAGE, load, opened, pack, rows_in, save, tree_of, unpack
 from lacsolver.output.tables import same_time
 from lacsolver.problem.roles import with_roles
 from lacsolver.problem.skin import mesh_of
-from lacsolver.results.results import Restart
-from lacsolver.results.state import Histories, Iterate, StepState, Work
-from lacsolver.results.whole import Order, grows, whole_arrays, with_arrays
+from lacsolver.results.results import Fields, Restart
+from lacsolver.results.whole import Order, grows
+from lacsolver.space.space import Space
 
-#: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
-VERSION = 3
-_ABOUT, _WORK = "about", "work"
-_NONE: Mapping[str, Order] = MappingProxyType({})
-#: errors that numpy raises for a damaged file
-_DAMAGE = (
-    *(OSError, ValueError, KeyError, TypeError, EOFError, IndexError, RuntimeError, MemoryError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-)
+#: raised when the meaning of a file's data changes; 4: fields and what a restart needs in one file
+VERSION = 4
+OLDER = "is of an older lacsolver, whose files hold other things; run the case again from its start"
+_RESTART, _FIELDS = "restart", "fields"
 
 
-def write_state(
-    folder: Path, state: Restart, prints: Mapping[str, str], share: Share = ALONE, orders: Mapping[str, Order] = _NONE
-) -> None:
-    """Write a state; `prints`: the fingerprint of its case. An existing file is replaced at the end.
+class Written(NamedTuple):
+    """A written time. `fields`: None where the state alone was due; their surfaces are without coordinates."""
 
-    All processes of a `share` call this, and the first one writes; the arrays with an order come to it piece after
-    piece. Raises WriteError, on all of them.
+    version: int
+    time: float
+    restart: Restart
+    fields: Fields | None
+
+
+class _StoredMesh(NamedTuple):
+    """A mesh as a file has it: keywords of `Mesh.create`."""
+
+    points: Floats
+    blocks: tuple[Block, ...]
+    space_dim: int
+    node_number: Ints
+    cell_number: Ints
+    file_order: Ints | None
+    cell_groups: Mapping[str, Ints]
+    node_groups: Mapping[str, Ints]
+    cell_data: Mapping[str, NDArray]
+    node_data: Mapping[str, NDArray]
+    zones: tuple[str, ...]
+    name: str
+
+
+class TimeWriter:
+    """Writes the mesh of a space, and times, into a folder. All of several processes call the same methods.
+
+    `prints`: the fingerprint of the case; `orders`: those of `lacsolver.results.whole.orders_of`. Raises WriteError.
     """
-    large = whole_arrays(state)
-    small = {name: values for name, values in _arrays(state, prints).items() if name not in large}
-    rows = {name: StoredRows.of(values, orders.get(name)) for name, values in large.items()}
-    failed: Exception | None = None
-    if share.rank == 0:
-        try:
-            write_arrays(folder / state_file(state.number), small, rows)
-        except Exception as error:
-            failed = error
-    for array in rows.values():  # what other processes give, and what is left after a failure
-        for _ in array.pieces:
-            pass
-    share.agree(failed)
+
+    def __init__(self, folder: Path, space: Space, prints: Mapping[str, str], orders: Mapping[str, Order]) -> None:
+        self._folder, self._share, self._prints, self._orders = folder, space.share, prints, orders
+        share, mesh = space.share, space.mesh
+        self._nodes = None if share.own is None or share.node is None else Order(share, share.node, share.own)
+        stored = _StoredMesh(
+            mesh.points, mesh.blocks, mesh.space_dim, mesh.node_number, mesh.cell_number, mesh.file_order,
+            mesh.cell_groups, mesh.node_groups, {k: mesh.cell_data[k] for k in CELL_RECORDS if k in mesh.cell_data},
+            {k: mesh.node_data[k] for k in (NODE_RECORD,) if k in mesh.node_data}, mesh.zones, mesh.name,
+        )  # fmt: skip
+        save(folder / MESH, *((stored, share) if self._nodes is None else _gathered(stored, mesh, share, self._nodes)))
+
+    def write(self, state: Restart, fields: Fields | None) -> None:
+        """Write a time; an existing file is replaced at the end. Raises WriteError, on all processes."""
+        orders = {f"{_RESTART}.{name}": order for name, order in self._orders.items()}
+        shown = None if fields is None else replace(fields, zones=self._zones(fields))
+        if self._nodes is not None and shown is not None:
+            orders |= dict.fromkeys(_nodal(shown), self._nodes)
+        restart = replace(state, folder=None, case=dict(self._prints))
+        written = Written(VERSION, float(state.time), restart, shown)
+        save(self._folder / state_file(state.number), written, self._share, orders)
+
+    def _zones(self, fields: Fields) -> dict[str, Any]:
+        """Return the fields of zones on the whole mesh, which has the coordinates of their faces."""
+        node, cell, zones = self._share.node, self._share.cell, {}
+        for name, zone in fields.zones.items():
+            surface = replace(zone.surface, x=np.empty((0, 3)), height=None)
+            if node is not None and cell is not None:
+                nodes = surface.faces.nodes
+                faces = replace(surface.faces, nodes=np.where(nodes >= 0, node[nodes], -1))
+                surface = replace(surface, faces=faces, cell=cell[surface.cell])
+            zones[name] = replace(zone, surface=surface)
+        return zones
 
 
-def _arrays(state: Restart, prints: Mapping[str, str]) -> dict[str, NDArray]:
-    """Return all arrays of a file, by their names."""
-    step, histories = state.step, state.step.histories
-    assert step.iterate is not None
-    about = {
-        **{"version": VERSION, "time": float(state.time), "step_size": float(state.step_size)},
-        **{"number": state.number, "case": dict(prints)},
-        **{"zones": list(state.multipliers), "rigid": list(state.rigid)},
-        **{"earlier": None if step.earlier is None else float(step.earlier[0])},
-        **{"scheme": list(step.histories.scheme)},
-    }
-    arrays = {_ABOUT: np.frombuffer(json.dumps(about).encode(), np.uint8), "u": state.u}
-    for k, zone in enumerate(state.multipliers):
-        arrays |= {f"multipliers_{k}": state.multipliers[zone], f"status_{k}": state.status[zone]}
-    arrays |= {f"rigid_{k}": dofs for k, dofs in enumerate(state.rigid.values())}
-    arrays |= {f"now_{name}": values for name, values in step.iterate._asdict().items()}
-    if step.earlier is not None:
-        arrays |= {f"earlier_{name}": values for name, values in step.earlier[1]._asdict().items()}
-    arrays |= {f"materials_{k}": values for k, values in enumerate(histories.materials)}
-    arrays |= {f"contact_{k}": values for k, values in enumerate(histories.contact)}
-    for k, anchors in enumerate(histories.anchors):
-        arrays |= {f"anchors_{k}_{name}": values for name, values in anchors._asdict().items()}
-    arrays |= {} if step.work is None else {_WORK: np.array(step.work)}
-    return arrays | {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
+def _nodal(fields: Fields) -> Iterator[str]:
+    """Yield the paths of fields that have a row for each node of the mesh."""
+    for name in ("displacement", "stress", "reaction", "velocity", "acceleration", "plastic_strain"):
+        yield f"{_FIELDS}.{name}"
+    for k in range(len(fields.zones)):
+        for name in ("contact_force", "pressure_recovered", "shear_recovered"):
+            yield f"{_FIELDS}.zones.{k}.{name}"
+
+
+def _gathered(
+    part: _StoredMesh, mesh: Mesh, share: Share, nodes: Order
+) -> tuple[_StoredMesh, Share, Mapping[str, Order]]:
+    """Return this process's part of a mesh with the indices of the whole one, and the orders of its arrays.
+
+    A cell is given by the process that owns its first node.
+    """
+    node, index, own = share.node, share.cell, np.zeros(mesh.n_cells, bool)
+    assert node is not None and index is not None and share.own is not None
+    orders: dict[str, Order] = dict.fromkeys(
+        ("points", "node_number", *(f"node_data.{k}" for k in range(len(part.node_data)))), nodes
+    )
+    for k, block in enumerate(mesh.blocks):
+        here = slice(mesh.offsets[k], mesh.offsets[k + 1])
+        own[here] = share.own[block.nodes[:, 0]]
+        orders[f"blocks.{k}.nodes"] = Order(share, index[here], own[here])
+    cells = Order(share, index, own)
+    orders |= dict.fromkeys(("cell_number", *(f"cell_data.{k}" for k in range(len(part.cell_data)))), cells)
+
+    def members(kind: str, groups: Mapping[str, Ints], place: Ints, mine: NDArray[np.bool_]) -> dict[str, Ints]:
+        for k, ids in enumerate(groups.values()):
+            orders[f"{kind}.{k}"] = Order(share, place[ids], mine[ids])
+        return {name: place[ids].astype(np.int64) for name, ids in groups.items()}
+
+    whole = part._replace(
+        blocks=tuple(Block(kind, node[rows]) for kind, rows in part.blocks),
+        file_order=None,
+        cell_groups=members("cell_groups", part.cell_groups, index, own),
+        node_groups=members("node_groups", part.node_groups, node, share.own),
+    )
+    return whole, share, orders
+
+
+class StoredFields:
+    """Fields that a run has written into a folder: their `times`, and `numbers` of steps. Raises ReadError."""
+
+    def __init__(self, folder: Path) -> None:
+        with reading(folder):
+            paths = states_in(folder)
+        trees = [(path, _tree(path)) for path in paths]
+        chosen = [(tree, path) for path, tree in trees if tree[_FIELDS] is not None]
+        self._paths = [path for _, path in chosen]
+        self.times: Sequence[float] = [float(tree["time"]) for tree, _ in chosen]
+        self.numbers: Sequence[int] = [int(tree[_RESTART]["number"]) for tree, _ in chosen]
+        self._folder = folder
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh of the run, cut. Raises ReadError."""
+        path = self._folder / MESH
+        with _damage_in(path, "run the case again"):
+            return Mesh.create(**load(path, _StoredMesh)._asdict())
+
+    def read(self, i: int) -> Fields:
+        """Return the fields at the i-th time. Raises ReadError."""
+        with _damage_in(self._paths[i], "run the case again"):
+            fields: Fields = load(self._paths[i], Fields, _FIELDS)
+        if len(fields.displacement) != self.mesh.n_nodes:
+            raise ReadError(self._paths[i], f"is of another mesh than {MESH}; run the case again")
+        zones = {k: replace(z, surface=replace(z.surface, x=self.mesh.points)) for k, z in fields.zones.items()}
+        return replace(fields, zones=zones)
 
 
 def read_state(
@@ -121,9 +205,11 @@ def read_state(
     if not paths:
         raise RequestError(f"{folder} holds no state to go on from (state_*.npz); name the folder of an earlier run")
     path = paths[-1] if from_time is None else _at(folder, paths, from_time)
-    with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
-        about = _about(path, file)
-        state = _restart(file if large else _Light(file), about, folder)
+    advice = _others(folder, paths, path)
+    _tree(path, advice)
+    with _damage_in(path, advice):
+        state: Restart = load(path, Restart, _RESTART, lambda name: not large and grows(name))
+    state = replace(state, folder=folder)
     if large:
         check_same(state, case, mesh_of(case, mesh))
     return state
@@ -136,13 +222,14 @@ def scatter_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> 
     """
     if state.step.histories.scheme and state.step.motion is None:
         raise RequestError("a state with histories of an added time scheme goes on in one process only")
-    own, failed = {}, None
-    for name, values in whole_arrays(state).items():
-        source = _Source(state, name, values) if share.rank == 0 else None
-        own[name] = orders[name].deal(source.read if source else lambda n: np.empty(0))
+    arrays: dict[str, NDArray] = {}
+    tree, failed = pack(replace(state, folder=None), arrays), None
+    for name in [name for name in arrays if name in orders]:
+        source = _Source(state, name, arrays[name]) if share.rank == 0 else None
+        arrays[name] = orders[name].deal(source.read if source else lambda n: np.empty(0))
         failed = failed or (source.failed if source else None)
     share.agree(failed)
-    return with_arrays(state, own)
+    return replace(unpack(tree, Restart, arrays), folder=state.folder)
 
 
 class _Source:
@@ -150,94 +237,47 @@ class _Source:
 
     def __init__(self, state: Restart, name: str, values: NDArray) -> None:
         self.failed: Exception | None = None
+        self._values, self._start = values, 0
         self._path = state.folder / state_file(state.number) if state.folder and not len(values) else None
-        self._shape = values.shape[1:]
-        self._rows = rows_of(values) if self._path is None else rows_in(self._path, name)
-        next(self._rows)
+        self._rows = None if self._path is None else rows_in(self._path, f"{_RESTART}.{name}")
 
     def read(self, n: int) -> NDArray:
         """Return the next n rows; zeros after an error, which is kept until all processes have been served."""
+        self._start += n
+        if self._rows is None or self._path is None:
+            return self._values[self._start - n : self._start]
+        if self.failed is not None:
+            return np.zeros((n, *self._values.shape[1:]))
         try:
-            if self._path is None:
-                return self._rows.send(n)
             with _damage_in(self._path, "start anew"):
+                if self._start == n:
+                    next(self._rows)
                 return self._rows.send(n)
         except ReadError as error:
             self.failed = error
-            return np.zeros((n, *self._shape))
-
-
-class _Light(Mapping[str, NDArray]):
-    """The arrays of a file, without the rows of those that grow with the model."""
-
-    def __init__(self, file: Mapping[str, NDArray]) -> None:
-        self._file = file
-
-    def __getitem__(self, name: str) -> NDArray:
-        return self._file[name] if not grows(name) else np.empty((0, 1, 1) if name.startswith("materials") else 0)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._file)
-
-    def __len__(self) -> int:
-        return len(self._file)
+            return np.zeros((n, *self._values.shape[1:]))
 
 
 def check_same(state: Restart, case: Case, mesh: Mesh, prints: Mapping[str, str] | None = None) -> None:
     """Raise DataError if a state belongs to another case or mesh; `prints`: the fingerprint of these, if known."""
     if state.case is None:
         return
-    prints = fingerprint(with_roles(case, mesh), mesh) if prints is None else prints
-    same = fingerprint_as(state.case, prints, case, mesh)
-    differs = changed(state.case, same)
+    differs = changed(state.case, fingerprint(with_roles(case, mesh), mesh) if prints is None else prints)
     if differs:
         whose = "the state to go on from is" if state.folder is None else f"the states in {state.folder} are"
-        older = "mesh" in differs and same is not prints
-        advice = ", start as many processes as that run of an older lacsolver had" if older else ""
-        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it{advice}, or start anew")
+        raise DataError(f"{whose} of another case: {', '.join(differs)} changed; restore it, or start anew")
 
 
-def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path) -> Restart:
-    zones = list(enumerate(about["zones"]))
-    earlier = None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier"))
-    scheme = {name: file[f"scheme_{k}"] for k, name in enumerate(about.get("scheme", ()))}
-    histories = Histories(_numbered(file, "materials"), _numbered(file, "contact"), scheme, _anchors(file))
-    work = Work(*file[_WORK].tolist()) if _WORK in file else None
-    return Restart(
-        step=StepState(about["time"], _iterate(file, "now"), earlier, about["step_size"], histories, work),
-        number=about["number"],
-        u=file["u"],
-        multipliers={name: file[f"multipliers_{k}"] for k, name in zones},
-        status={name: file[f"status_{k}"] for k, name in zones},
-        rigid={name: file[f"rigid_{k}"] for k, name in enumerate(about["rigid"])},
-        folder=folder,
-        case=about["case"],
-    )
-
-
-def _iterate(file: Mapping[str, NDArray], when: str) -> Iterate:
-    return Iterate(*(file[f"{when}_{name}"] for name in Iterate._fields))
-
-
-def _anchors(file: Mapping[str, NDArray]) -> tuple[Anchors, ...]:
-    """Return the anchors of the friction of each pair; none in files of cases without it."""
-    count = sum(name.startswith("anchors_") for name in file) // len(Anchors._fields)
-    return tuple(Anchors(*(file[f"anchors_{k}_{name}"] for name in Anchors._fields)) for k in range(count))
-
-
-def _numbered(file: Mapping[str, NDArray], what: str) -> tuple[NDArray, ...]:
-    """Return the arrays what_0, what_1 ... of a file; none in files of versions that had no histories."""
-    return tuple(file[f"{what}_{k}"] for k in range(sum(name.startswith(f"{what}_") for name in file)))
-
-
-def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
-    about = json.loads(file[_ABOUT].tobytes())
-    if about["version"] > VERSION:
-        raise ReadError(path, "is of a newer lacsolver; go on with that one")
-    if about["version"] < VERSION:
-        message = "is of an older lacsolver, whose states keep other things and do not tell which mesh they are of"
-        raise ReadError(path, f"{message}; run the case again from its start")
-    return {**about, "time": float(about["time"]), "number": int(about["number"]), "case": dict(about["case"])}
+def _tree(path: Path, advice: str = "run the case again") -> dict[str, Any]:
+    """Return what a file has beside its arrays. Raises ReadError for a damaged file, or one of another version."""
+    with _damage_in(path, advice), opened(path) as file:
+        older = "about" in file
+        tree: dict[str, Any] = {} if older else tree_of(file)
+        version = 0 if older else int(tree["version"])
+    if version != VERSION:
+        newer = "is of a newer lacsolver; go on with that one"
+        raise ReadError(path, newer if version > VERSION else OLDER)
+    return tree
 
 
 def _at(folder: Path, paths: list[Path], time: float) -> Path:
@@ -251,11 +291,10 @@ def _at(folder: Path, paths: list[Path], time: float) -> Path:
 
 
 def _time(path: Path) -> float | None:
-    """Return the time of a state, None if its file is damaged."""
+    """Return the time of a state, None if its file cannot be read."""
     try:
-        with _opened(path) as file:
-            return float(json.loads(file[_ABOUT].tobytes())["time"])
-    except _DAMAGE:
+        return float(_tree(path)["time"])
+    except (ReadError, *DAMAGE):
         return None
 
 
@@ -266,15 +305,8 @@ def _others(folder: Path, paths: list[Path], path: Path) -> str:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Mapping[str, NDArray]]:
-    """Open the arrays of a file; it is opened here because numpy does not close a file that it cannot read."""
-    with path.open("rb") as raw, np.load(raw) as file:
-        yield file
-
-
-@contextmanager
 def _damage_in(path: Path, advice: str) -> Iterator[None]:
     try:
         yield
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise ReadError(path, f"is damaged or no state ({error}); {advice}") from error

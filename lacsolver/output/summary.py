@@ -19,7 +19,7 @@ from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.files import read_json
-from lacsolver.output.names import RESULTS
+from lacsolver.output.names import MESH, RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
@@ -112,11 +112,13 @@ def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """Return the content of results.json of a folder. Raises ReadError if there is none."""
+    """Return the content of results.json of a folder. Raises ReadError for none, or an older one."""
     path = folder / RESULTS
     if not path.is_file():
         raise ReadError(folder, f"holds no results of a run (no {RESULTS})")
     summary: dict[str, Any] = read_json(path, lambda s: isinstance(s, dict) and {"status", "steps"} <= set(s))
+    if summary["steps"] and not (folder / MESH).is_file():
+        raise ReadError(folder, "is of an older lacsolver, whose files hold other things; run the case again")
     return summary
 
 

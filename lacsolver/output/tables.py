@@ -57,7 +57,7 @@ class History:
     def __init__(self, folder: Path, end: float | None = None) -> None:
         self._path = folder / HISTORY
         self._columns: list[str] = []
-        self._before = [] if end is None else list(_rows_until(self._path, end))
+        self._before: tuple[list[str], list[list[str]]] = ([], []) if end is None else _read_until(self._path, end)
 
     def add(self, step: StepFigures) -> None:
         """Append the row of a step and flush it to the disk. Raises WriteError, ValueError for new columns."""
@@ -69,57 +69,66 @@ class History:
         append(self._path, _lines([[_plain(row.get(name)) for name in self._columns]]))
 
     def _begin(self, row: Mapping[str, Any]) -> None:
-        self._columns = list(row) + [name for name in (self._before or [{}])[0] if name not in row]
-        rows = [[old.get(name, "") for name in self._columns] for old in self._before]
-        replace_file(self._path, _lines([self._columns, *rows]))
+        columns, rows = self._before
+        self._columns = list(row) + [name for name in columns if rows and name not in row]
+        earlier = [dict(zip(columns, old, strict=True)) for old in rows]
+        replace_file(self._path, _lines([self._columns, *([old.get(n, "") for n in self._columns] for old in earlier)]))
 
 
 def history_row(step: StepFigures) -> dict[str, float]:
     """Return the row of a step, by column."""
     row = {"time": step.time, "iterations": step.iterations}
-    for name, force in step.reactions.items():
-        row |= _along_axes(f"reaction.{name}.", force)
-    row |= {f"equation.{name}.force": force for name, force in step.equations.items()}
-    for name, one in step.couplings.items():
-        row |= _along_axes(f"coupling.{name}.u", one.displacement) | _along_axes(f"coupling.{name}.f", one.force)
-        for key, turns in (("rotation", one.rotation), ("moment", one.moment)):
-            row |= _along_axes(f"coupling.{name}.{key}.", turns) if len(turns) == 3 else {}
-            row |= {f"coupling.{name}.{key}": float(turns[0])} if len(turns) == 1 else {}
-    moving = step.motion
-    for name, move in step.probes.items():
-        row |= _along_axes(f"probe.{name}.u", move)
-        if moving is not None:
-            row |= _along_axes(f"probe.{name}.v", moving.velocities[name])
-            row |= _along_axes(f"probe.{name}.a", moving.accelerations[name])
-    for name, zone in step.contact.items():
-        row |= _along_axes(f"contact.{name}.f", zone.resultant)
-        row |= {f"contact.{name}.area": zone.contact_area, f"contact.{name}.pressure_max": zone.pressure_max}
-        if zone.friction is not None:
-            row |= _along_axes(f"contact.{name}.friction.", zone.friction.friction)
-            row |= {f"contact.{name}.{key}": getattr(zone.friction, key) for key in ("sticking", "sliding", "slip_max")}
-            row |= {f"contact.{name}.dissipation": zone.friction.dissipation[1]}
-        row |= {} if moving is None else _along_axes(f"contact.{name}.impulse.", moving.impulse[name])
-    for name, section in step.pretension.items():
-        row |= {f"pretension.{name}.force": section.force, f"pretension.{name}.shortening": section.shortening}
-        if section.moment is not None and section.moment.ndim:
-            row |= _along_axes(f"pretension.{name}.moment.", section.moment)
-        elif section.moment is not None:
-            row |= {f"pretension.{name}.moment": float(section.moment)}
-    row |= {} if step.work is None else {f"work.{name}": value for name, value in step.work._asdict().items()}
-    if step.plastic is not None:
-        row |= {f"plastic.{key}": getattr(step.plastic, key) for key in ("strain_max", "von_mises_max")}
-        row |= {"plastic.dissipation": step.plastic.dissipation[1]}
-    if moving is not None:
-        row |= {f"energy.{name}": value for name, value in moving.energies.items()}
-        row |= _along_axes("momentum.", moving.momentum["linear"])
-        angular = moving.momentum["angular"]
-        row |= _along_axes("momentum.angular.", angular) if angular.ndim else {"momentum.angular": float(angular)}
+    for start, value in _figures(step):
+        values = np.asarray(value).tolist()
+        row |= (
+            dict(zip((f"{start}{axis}" for axis in _AXES), values, strict=False))
+            if np.ndim(value)
+            else {start.rstrip("."): values}
+        )
     return row
 
 
-def _along_axes(start: str, vector: Floats) -> dict[str, float]:
-    """Return the components of a vector by the names of their columns, `start` and the axis."""
-    return {f"{start}{axis}": value for axis, value in zip(_AXES, np.asarray(vector, float).tolist(), strict=False)}
+def _figures(step: StepFigures) -> Iterator[tuple[str, Any]]:
+    """Yield numbers by the name of their column, and vectors by what precedes the axis in the names of theirs."""
+    moving = step.motion
+    for name, force in step.reactions.items():
+        yield f"reaction.{name}.", force
+    for name, one in step.equations.items():
+        yield f"equation.{name}.force", one
+    for name, point in step.couplings.items():
+        yield from ((f"coupling.{name}.u", point.displacement), (f"coupling.{name}.f", point.force))
+        for key, turns in (("rotation", point.rotation), ("moment", point.moment)):
+            if len(turns):
+                yield f"coupling.{name}.{key}.", turns if len(turns) > 1 else turns[0]
+    for name, move in step.probes.items():
+        yield f"probe.{name}.u", move
+        if moving is not None:
+            yield from ((f"probe.{name}.v", moving.velocities[name]), (f"probe.{name}.a", moving.accelerations[name]))
+    for name, zone in step.contact.items():
+        start = f"contact.{name}."
+        yield f"{start}f", zone.resultant
+        yield from (
+            (f"{start}{key}", value)
+            for key, value in (("area", zone.contact_area), ("pressure_max", zone.pressure_max))
+        )
+        if zone.friction is not None:
+            yield f"{start}friction.", zone.friction.friction
+            yield from ((f"{start}{key}", getattr(zone.friction, key)) for key in ("sticking", "sliding", "slip_max"))
+            yield f"{start}dissipation", zone.friction.dissipation[1]
+        if moving is not None:
+            yield f"{start}impulse.", moving.impulse[name]
+    for name, bolt in step.pretension.items():
+        yield from ((f"pretension.{name}.{key}", getattr(bolt, key)) for key in ("force", "shortening"))
+        if bolt.moment is not None:
+            yield f"pretension.{name}.moment.", bolt.moment
+    if step.work is not None:
+        yield from ((f"work.{name}", value) for name, value in step.work._asdict().items())
+    if step.plastic is not None:
+        yield from ((f"plastic.{key}", getattr(step.plastic, key)) for key in ("strain_max", "von_mises_max"))
+        yield "plastic.dissipation", step.plastic.dissipation[1]
+    if moving is not None:
+        yield from ((f"energy.{name}", value) for name, value in moving.energies.items())
+        yield from (("momentum.", moving.momentum["linear"]), ("momentum.angular.", moving.momentum["angular"]))
 
 
 def add_contact(path: Path, time: float, zone: ZoneFields) -> None:
@@ -159,15 +168,8 @@ def read_table(path: Path) -> dict[str, NDArray[np.floating]]:
 
 def cut_off(path: Path, end: float) -> None:
     """Remove the rows of a table after the time `end`. Raises ReadError, WriteError."""
-    rows = list(_rows_until(path, end))
-    columns = list(rows[0]) if rows else _first_line(path)
-    replace_file(path, _lines([columns, *(list(row.values()) for row in rows)]))
-
-
-def _first_line(path: Path) -> list[str]:
-    """Return the columns of a table that `_rows_until` has read."""
-    with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
-        return next(csv.reader(file))
+    columns, rows = _read_until(path, end)
+    replace_file(path, _lines([columns, *rows]))
 
 
 def _contact_rows(time: float, zone: ZoneFields) -> Iterator[Sequence[Any]]:
@@ -209,20 +211,23 @@ def _lines(rows: Iterable[Sequence[Any]]) -> bytes:
     return text.getvalue().encode("utf-8", "surrogateescape")
 
 
-def _rows_until(path: Path, end: float) -> Iterator[dict[str, str]]:
-    """Yield the rows of a table up to the time `end`; none if there is no table. Raises ReadError."""
+def _read_until(path: Path, end: float) -> tuple[list[str], list[list[str]]]:
+    """Return the columns of a table, and its rows up to the time `end`; none if there is no table. Raises ReadError."""
     if not path.exists():
-        return
+        return [], []
+    kept: list[list[str]] = []
     try:
         with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
-            rows = csv.DictReader(file)
-            if not rows.fieldnames or rows.fieldnames[0] != "time":
+            rows = csv.reader(file)
+            columns = next(rows, [])
+            if columns[:1] != ["time"]:
                 raise ReadError(path, "is no table of lacsolver; move it away, or write into another folder")
             for row in rows:
-                if None in row or None in row.values():
+                if len(row) != len(columns):
                     raise ReadError(path, "has a row that is not whole; remove it", f"line {rows.line_num}")
-                if until(float(row["time"]), end):
-                    yield row
+                if until(float(row[0]), end):
+                    kept.append(row)
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or error
         raise ReadError(path, f"cannot be read ({reason})") from error
+    return columns, kept

@@ -1,4 +1,6 @@
-"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, a VTU file for each time of each, and a state.
+"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, a VTU file for each time of each.
+
+Of several processes each writes a VTU file of its part of the solid, and a PVTU file names them all.
 
 Displacements, forces and normals have three components, and stresses six (xx yy zz xy yz xz, VTK's order), in plane
 models too, so that ParaView takes them for vectors and tensors. Points are undeformed.
@@ -6,25 +8,33 @@ models too, so that ParaView takes them for vectors and tensors. Points are unde
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.formats import write
+from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu import read_pvd, write_pvd
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Cyclic
+from lacsolver.distributed.share import Share
 from lacsolver.output.files import make_folder
 from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
-from lacsolver.output.pieces import write_pieces
 from lacsolver.output.ring import ring_of
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
+
+_SECTION = re.compile(r"<(PointData|CellData|Points)>(.*?)</\1>", re.DOTALL)
+_ARRAY = re.compile(r"<DataArray (.*?) format=")
+#: bytes in which the names of all arrays stand, before their values
+_HEAD = 1 << 20
 
 
 class VtuSeries:
@@ -78,7 +88,7 @@ class VtuSeries:
         share, file = self._space.share, vtu_file(stem, number)
         make_folder(self._folder / FIELDS)
         if share.size > 1 and stem == SOLID:
-            file = write_pieces(self._folder, stem, number, mesh, share)
+            file = _write_pieces(self._folder, stem, number, mesh, share)
         else:
             write(self._folder / file, mesh, compress=True)
         if share.rank > 0:
@@ -86,6 +96,38 @@ class VtuSeries:
         files = self._told.setdefault(stem, {})
         files[float(time)] = file
         write_pvd(self._folder / f"{stem}.pvd", files)
+
+
+def _write_pieces(folder: Path, stem: str, number: int, mesh: Mesh, share: Share) -> str:
+    """Write the piece of each process and, once all are there, the PVTU file; return its name, as a PVD has it.
+
+    The pieces have the same arrays. Raises WriteError.
+    """
+    own = folder / vtu_file(stem, number, share.rank)
+    failed: Exception | None = None
+    try:
+        write(own, mesh, compress=True)
+    except Exception as error:
+        failed = error
+    share.agree(failed)
+    file = str(Path(vtu_file(stem, number)).with_suffix(".pvtu"))
+    names = [Path(vtu_file(stem, number, rank)).name for rank in range(share.size)]
+    share.on_first(lambda: replace_file(folder / file, _collection_of(own, names).encode()))
+    return file
+
+
+def _collection_of(piece: Path, names: list[str]) -> str:
+    """Return the text of a PVTU file for pieces with the arrays of one of them."""
+    with piece.open("rb") as file:
+        head = file.read(_HEAD).split(b"<AppendedData")[0].decode()
+    version = re.search(r'version="([0-9.]+)"', head)
+    lines = ['<?xml version="1.0" encoding="utf-8"?>']
+    lines.append(f'<VTKFile type="PUnstructuredGrid" version="{version[1] if version else "1.0"}">')
+    lines.append('<PUnstructuredGrid GhostLevel="0">')
+    for section, arrays in _SECTION.findall(head):
+        lines += [f"<P{section}>", *(f"<PDataArray {array}/>" for array in _ARRAY.findall(arrays)), f"</P{section}>"]
+    lines += [f"<Piece Source={quoteattr(name)}/>" for name in names]
+    return "\n".join([*lines, "</PUnstructuredGrid>", "</VTKFile>", ""])
 
 
 def _solid(fields: Fields) -> dict[str, NDArray]:

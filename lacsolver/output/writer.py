@@ -6,19 +6,17 @@ finished run with times in [output], the state alone.
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from pathlib import Path
-from typing import TYPE_CHECKING
+from contextlib import suppress
 
+from lacmesh.errors import RequestError
 from lacmesh.formats.output import signals_wait
 from lacsolver.case import Case, Output
 from lacsolver.output.files import make_folder
 from lacsolver.output.folder import OutputFolder
 from lacsolver.output.names import UNCONVERGED, contact_stems
 from lacsolver.output.ring import asked
-from lacsolver.output.states import write_state
+from lacsolver.output.states import TimeWriter
 from lacsolver.output.summary import Summary
 from lacsolver.output.tables import History, add_contact, cut_off, same_time
 from lacsolver.output.vtu import VtuSeries
@@ -26,39 +24,36 @@ from lacsolver.results.results import Fields, Restart, Results
 from lacsolver.results.whole import Order
 from lacsolver.space.space import Space
 
-if TYPE_CHECKING:
-    from lacsolver.output.gathered import GatheredSeries
-    from lacsolver.output.med import MedSeries
-
 
 class Writer:
     """Writes a run into its folder, in which the results of an earlier run are removed here, or continued.
 
     `prints`: fingerprint of the case and its mesh, stored with states; `orders`: those of
-    states, as by `lacsolver.results.whole.orders_of`. Of several processes all call the same methods, and the first one
-    writes what is not a part of each. The folder is locked against other runs until
-    `finish`. Raises WriteError, RequestError if another run writes there, and ReadError if files to be continued are
-    damaged. Signals are delayed until a file is complete.
+    `lacsolver.results.whole.orders_of`. Of several processes all call the same methods, and the first one writes what
+    is not a part of each. Raises WriteError, RequestError if results have come into the folder that would be lost, and
+    ReadError if files to be continued are damaged. Signals are delayed until a file is complete.
     """
 
     def __init__(
         self, folder: OutputFolder, case: Case, space: Space, prints: Mapping[str, str],
         orders: Mapping[str, Order] | None = None,
     ) -> None:  # fmt: skip
-        self._path, self._output, self._space, self._prints = folder.path, case.output, space, prints
-        self._orders, self._share = orders or {}, space.share
-        self._sector = asked(case)
-        self._zones = tuple(zone.name for zone in (*case.contact, *case.ties))
-        end = folder.restart.time if folder.restart else None
+        self._path, self._output, self._space = folder.path, case.output, space
+        self._share, self._sector = space.share, asked(case)
+        if case.output.format == "med":
+            from lacsolver.output.med import check_names
+
+            check_names(folder.path, [zone.name for zone in (*case.contact, *case.ties)])
         with signals_wait():
-            self._share.on_first(lambda: self._take(folder, end))
-            self._series = self._fields_to(folder.path, end)
+            self._share.on_first(lambda: self._take(folder))
+            self._times = TimeWriter(folder.path, space, prints, orders or {})
+            self._series = None if case.output.format == "med" else VtuSeries(folder.path, space, self._sector)
         #: the last converged step, if its fields are not written yet: the function that makes them, and its state
         self._unwritten: tuple[Callable[[], Fields], Restart] | None = None
 
-    def _take(self, folder: OutputFolder, end: float | None) -> None:
-        """Lock the folder, clear it of results after the time `end`, and open its tables."""
-        self._let_go = weakref.finalize(self, folder.hold())  # by `finish`, or with this writer
+    def _take(self, folder: OutputFolder) -> None:
+        """Open the tables, and clear the folder of results after the time of a restart that goes on there."""
+        end = folder.restart.time if folder.restart else None
         self._history, self._summary = History(folder.path, end), Summary(folder.path, end)
         folder.take()
         if end is not None:
@@ -91,48 +86,40 @@ class Writer:
         state_alone = results.status == "done" and self._output.times
         last = unwritten[0]() if unwritten and not state_alone else None
         failed = tried() if tried else None
-        with signals_wait(), ExitStack() as ending:
-            ending.callback(self._release)
+        with signals_wait():
             self._share.on_first(lambda: self._summary.write(results))
             if unwritten and last:
                 self._write(last, unwritten[1])
             elif unwritten:
-                self._write_state(unwritten[1])
+                self._times.write(unwritten[1], None)
+            if self._series is None and results.steps:
+                self._share.on_first(self._export)
             if failed:
                 self._share.on_first(lambda: make_folder(self._path / UNCONVERGED))
-                self._fields_to(self._path / UNCONVERGED).write(failed, 1)
+                VtuSeries(self._path / UNCONVERGED, self._space, self._sector).write(failed, 1)
 
-    def _release(self) -> None:
-        if self._share.rank == 0:
-            self._let_go()
+    def _export(self) -> None:
+        from lacsolver.output.med import write_med  # with h5py, which few runs need
+
+        with suppress(RequestError):  # no fields were due
+            write_med(self._path)
 
     def _add_figures(self, results: Results) -> None:
         """Add the last step to the table of the history, and write the summary."""
         self._history.add(results.steps[-1])
         self._summary.write(results)
 
-    def _fields_to(self, folder: Path, end: float | None = None) -> VtuSeries | MedSeries | GatheredSeries:
-        """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
-        if self._output.format == "med":
-            from lacsolver.output.gathered import GatheredSeries
-            from lacsolver.output.med import MedSeries  # with h5py, which few runs need
-
-            series = MedSeries if self._share.own is None else GatheredSeries
-            return series(folder, self._space, self._zones, end)
-        return VtuSeries(folder, self._space, self._sector)
-
     def _write(self, fields: Fields, state: Restart) -> None:
-        self._series.write(fields, state.number)
+        """Write the fields for ParaView, the tables of contacts, and last what a restart needs."""
+        if self._series is not None:
+            self._series.write(fields, state.number)
 
         def tables() -> None:
             for zone, stem in contact_stems(fields.zones).items():
                 add_contact(self._path / f"{stem}.csv", fields.time, fields.zones[zone])
 
         self._share.on_first(tables)
-        self._write_state(state)
-
-    def _write_state(self, state: Restart) -> None:
-        write_state(self._path, state, self._prints, self._share, self._orders)
+        self._times.write(state, fields)
 
 
 def is_due(output: Output, number: int, time: float) -> bool:

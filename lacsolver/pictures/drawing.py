@@ -27,7 +27,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.view import Values, check_renderer, image_of
 from lacsolver.case import Case
 from lacsolver.output.ring import fields_of_ring, sector_of
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
 from lacsolver.pictures.frames import DrawnSurface
@@ -40,8 +40,7 @@ from lacsolver.pictures.framing import (
     window_of,
     with_skins,
 )
-from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
 from lacsolver.results.results import Fields, ZoneFields
@@ -106,9 +105,8 @@ def plot(
     0.5
     """
     folder, path = Path(folder), Path(path)
-    summary, stored = read_summary(folder), stored_fields(folder)
-    k = stored_at(stored.times, time)
-    mesh, fields = stored.read(k, tuple(summary.get("contact", {})))
+    summary, stored = read_summary(folder), StoredFields(folder)
+    mesh, fields = stored.mesh, stored.read(stored_at(stored.times, time))
     if ring:
         mesh, fields = fields_of_ring(mesh, fields, sector_of(summary))
     units = Units.of(summary.get("units"))

@@ -2,9 +2,8 @@
 
 frames = fields of the run's folder, time by time          (frames)
 scale = one scale of colours for all times
-pictures = drawn by matplotlib in a plane, off-screen by pyvista in space
-curves = columns of history.csv, one against the other
-film = an animated GIF of one colour table; or a sheet, PNG
+picture of a time = bodies by matplotlib in a plane, off-screen by pyvista in space, and curves of history.csv beside
+film = an animated GIF of these, of one colour table; or a sheet of them, PNG
 
 A natural mode is filmed in the same way, over one period of its vibration, without curves.
 """
@@ -12,9 +11,10 @@ A natural mode is filmed in the same way, over one period of its vibration, with
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib import import_module
+from itertools import repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,11 +29,11 @@ from lacmesh.origin import origin_of
 from lacmesh.view import check_renderer
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import StoredFields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import pictures_of
-from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, even_times, read_frames, read_mode
+from lacsolver.pictures.frames import COLOURS, SHAPE, Frame, Frames, even_times, read_frames, read_mode
 from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale, quantity_of
 from lacsolver.results.units import Units
@@ -46,11 +46,12 @@ SHEET, FILM = 6, 60
 _PERIOD = 24
 #: default range of a logarithmic scale
 DECADES = 3.0
-#: dots per inch of a film and of a sheet; in inches, widths of a film's bodies and curves, their height, and the width
-#: of a picture of a sheet
-_DPI, _DPI_SHEET, _WIDE, _HIGH, _TILE = 80, 100, (6.2, 3.8), 4.6, 3.7
+#: dots per inch; in inches, widths of bodies and curves, and their height
+_DPI, _WIDE, _HIGH = 80, (6.2, 3.8), 4.6
 #: colours of a film
 _COLOURS = 128
+#: width of a sheet in pixels, and at least that of a picture
+_SHEET_WIDE = 2000
 #: duration of the last picture of a film, in seconds
 _STAYS = 1.5
 
@@ -88,7 +89,7 @@ def film(
     title: str | None = None,
     mode: int | None = None,
 ) -> None:
-    """Make a film (.gif) or a sheet of pictures (.png) from the VTU files that `lacsolver.run` wrote into a folder.
+    """Make a film (.gif) or a sheet of pictures (.png) from the fields that `lacsolver.run` wrote into a folder.
 
     `mode`: number of a natural mode, from 1, in a folder of `lacsolver modes`, to be filmed over one period; it has no
     curves, and is coloured by its displacement.
@@ -117,27 +118,33 @@ def film(
     if not (np.isfinite(rate) and 0 < rate <= 100):
         raise RequestError(f"a film shows more than 0 and at most 100 pictures a second, not {rate:g}")
     moving = path.suffix.lower() == ".gif"
-    if mode is None and colour not in COLOURS and colour in QUANTITIES:
-        if curves:
-            raise RequestError(f"a film of {colour} shows the zones of contact, and has no curves; leave --curve out")
-        count = frames or (FILM if moving else SHEET)
-        images = _contact_images(folder, path, colour, count, scale, log, camera, title or folder.name)
-        replace_file(path, _gif(images, rate, _STAYS) if moving else _png(_tiled(images)))
-        return
+    count = frames or ((FILM if mode is None else _PERIOD) if moving else SHEET)
+    if mode is not None or colour not in QUANTITIES or colour in COLOURS:
+        shown, drawn, colour = _frames(folder, colour, mode, curves, count)
+        if shown.surface.dim == 3:
+            check_installed("pyvista", "view", "a film in space")
+        title = title or (folder.name if mode is None else _mode_title(folder, mode))
+        bar = ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, shown.span))
+        images = list(_images(shown, bar, drawn, readable(title), camera))
+    elif curves:
+        raise RequestError(f"a film of {colour} shows the zones of contact, and has no curves; leave --curve out")
+    else:
+        images = _contact_images(folder, colour, count, scale, log, camera, title or folder.name)
+    replace_file(path, _gif(images, rate, _STAYS if mode is None else 0.0) if moving else _png(_tiled(images)))
+
+
+def _frames(
+    folder: Path, colour: str, mode: int | None, curves: Sequence[str], count: int
+) -> tuple[Frames, list[Curve], str]:
+    """Return the frames of a run or of a natural mode, the curves beside them, and what the bodies are coloured by."""
     if mode is None:
         if (folder / MODES_PVD).exists() and not (folder / HISTORY).exists():
             raise RequestError(f"{folder} holds natural modes, and not a run; name one of them by --mode")
         drawn = _curves(folder, curves)
-        shown = read_frames(folder, colour, frames or (FILM if moving else SHEET))
-    else:
-        if curves:
-            raise RequestError("a natural mode has no history to draw curves of; leave --curve out")
-        drawn, shown = [], read_mode(folder, mode, frames or (_PERIOD if moving else SHEET))
-        colour, title = "shape", title or _mode_title(folder, mode)
-    if shown.surface.dim == 3:
-        check_installed("pyvista", "view", "a film in space")
-    sheet = _Sheet(shown, _colour_scale(shown, colour, scale, log), drawn, readable(title or folder.name), camera, path)
-    replace_file(path, _moving(sheet, rate, _STAYS if mode is None else 0.0) if moving else _still(sheet))
+        return read_frames(folder, colour, count), drawn, colour
+    if curves:
+        raise RequestError("a natural mode has no history to draw curves of; leave --curve out")
+    return read_mode(folder, mode, count), [], "shape"
 
 
 def _mode_title(folder: Path, number: int) -> str:
@@ -149,13 +156,13 @@ def _mode_title(folder: Path, number: int) -> str:
 
 
 def _contact_images(
-    folder: Path, path: Path, field: str, count: int, ends: tuple[float, float] | None, log: bool,
+    folder: Path, field: str, count: int, ends: tuple[float, float] | None, log: bool,
     camera: tuple[float, float, float], title: str,
 ) -> list[Any]:  # fmt: skip
     """Return the pictures of a field on the zones of contact at several times, to one scale, with one magnification."""
-    summary, stored = read_summary(folder), stored_fields(folder)
+    summary, stored = read_summary(folder), StoredFields(folder)
     chosen, units = even_times(stored.times, count), Units.of(summary.get("units"))
-    states = [stored.read(k, tuple(summary.get("contact", {}))) for k in chosen]
+    states = [(stored.mesh, stored.read(k)) for k in chosen]
     zones = [zone for _, fields in states for zone in fields.zones.values()]
     quantity = quantity_of(field, states[-1][1].zones)
     scale = ColourScale.of(quantity, zones, units)
@@ -166,8 +173,9 @@ def _contact_images(
 
 
 def _tiled(images: list[Any]) -> Any:
-    """Return pictures of one size as a sheet, two side by side."""
-    across, (wide, high) = min(2, len(images)), images[0].size
+    """Return pictures of one size as a sheet, as many side by side as its width takes."""
+    wide, high = images[0].size
+    across = min(max(1, _SHEET_WIDE // wide), len(images))
     sheet = import_module("PIL.Image").new("RGB", (across * wide, -(-len(images) // across) * high), "white")
     for k, image in enumerate(images):
         sheet.paste(image, (k % across * wide, k // across * high))
@@ -184,10 +192,6 @@ def _ends(scale: tuple[float, float] | None, log: bool, span: tuple[float, float
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
     return {"low": float(low), "high": float(high), "log": log}
-
-
-def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
-    return ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, frames.span))
 
 
 # ---- curves
@@ -233,99 +237,85 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
 # ---- pictures
 
 
-@dataclass(frozen=True, eq=False)
-class _Sheet:
-    """Everything to be drawn."""
-
-    frames: Frames
-    scale: ColourScale
-    curves: list[Curve]
-    title: str
-    camera: tuple[float, float, float]
-    path: Path
-
-    @property
-    def height(self) -> float:
-        """Height of the picture of a time, relative to its width."""
-        if self.frames.surface.dim == 3:
-            return 0.75
-        wide, high, _ = np.diff(self.frames.box, axis=0)[0]
-        return float(np.clip(high / wide, 0.25, 1.4))
-
-    def rendered(self, inches: tuple[float, float]) -> list[Any]:
-        """Return the rendered picture of each time in space; None for each in a plane."""
-        frames, surface = self.frames.frames, self.frames.surface
-        if surface.dim == 2:
-            return [None] * len(frames)
-        check_renderer()
-        size = (round(inches[0] * 2 * _DPI), round(inches[1] * 2 * _DPI))
-        x = np.stack([frame.x for frame in frames])
-        x = x - origin_of(x.reshape(-1, 3))  # a graphics card counts with seven digits
-        pyvista = import_module("pyvista")
-        plot = pyvista.Plotter(off_screen=True, window_size=list(size))
-        plot.set_background("white")
-        faces = pyvista.PolyData.from_regular_faces(x[0], surface.triangles)
-        faces["colour"] = self._rgb(frames[0])
-        edges = pyvista.PolyData(x[0], lines=np.insert(surface.edges, 0, 2, axis=1))
-        plot.add_mesh(faces, scalars="colour", rgb=True, smooth_shading=False, ambient=0.65, diffuse=0.45)
-        plot.add_mesh(edges, color=INK, opacity=0.35, line_width=1, lighting=False)
-        fit_camera(plot, x.reshape(-1, 3), np.asarray(self.camera) / np.linalg.norm(self.camera), size, 0.015, 0.985)
-        images = []
-        for k, frame in enumerate(frames):
-            faces.points = edges.points = x[k]
-            faces["colour"] = self._rgb(frame)
-            plot.render()
-            images.append(np.array(plot.screenshot(return_img=True)))
-        plot.close()
-        return images
-
-    def _rgb(self, frame: Frame) -> NDArray[np.uint8]:
-        """Return the colour of each point, (p, 3)."""
-        colours = self.scale.bar.to_rgba(np.nan_to_num(frame.value, nan=self.scale.low), bytes=True)[:, :3].copy()
-        colours[np.isnan(frame.value)] = rgb(BODIES[:1])
-        return np.asarray(colours, np.uint8)
-
-    def draw(self, axes: Any, frame: Frame, rendered: Any) -> None:
-        """Draw the bodies at one time."""
-        without_frame(axes)
-        if rendered is not None:
-            axes.imshow(rendered)
-            return
-        _draw_plane(axes, self.frames.surface, frame, self.scale)
-        low, high = self.frames.box[:, :2]
-        room = 0.02 * max(high - low)
-        axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-
-    def plot(self, axes: Any, marked: Sequence[float]) -> None:
-        """Draw the curves: pale as a whole, strong up to the last of the times `marked`, which have dots."""
-        for k, (time, x, y, _, up) in enumerate(self.curves):
-            on = time <= marked[-1] * (1 + 1e-12)
-            axes.plot(x, y, color=f"C{k}", linewidth=0.8, alpha=0.3)
-            axes.plot(x[on], y[on], color=f"C{k}", linewidth=1.6, label=up)
-            axes.plot(np.interp(marked, time, x), np.interp(marked, time, y), "o", color=f"C{k}", markersize=4)
-        level_out(axes, np.concatenate([curve.y for curve in self.curves]))
-        axes.grid(color="#e2e5e8", linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.set(xlabel=self.curves[0].across, ylabel=self.curves[0].up if len(self.curves) == 1 else "")
-        if len(self.curves) > 1:
-            axes.legend(frameon=False, fontsize=8)
-
-    def add_bar(self, figure: Any, axes: Any, **place: Any) -> None:
-        """Add the bar of colours with its label."""
-        figure.colorbar(self.scale.bar, ax=axes, label=self.scale.label, **place)
+def _images(
+    frames: Frames, scale: ColourScale, curves: Sequence[Curve], title: str, camera: tuple[float, float, float]
+) -> Iterator[Any]:
+    """Yield a picture of each time: the bodies, and beside them the curves up to that time."""
+    n = 1 + bool(curves)
+    rendered = _rendered(frames, scale, camera) if frames.surface.dim == 3 else repeat(None)
+    for frame, image in zip(frames.frames, rendered, strict=False):
+        size = sum(_WIDE[:n]), _HIGH
+        figure = import_module("matplotlib.figure").Figure(figsize=size, dpi=_DPI, layout="constrained")
+        bodies, *rest = figure.subplots(1, n, width_ratios=_WIDE[:n], squeeze=False)[0]
+        without_frame(bodies)
+        if image is None:
+            _draw_plane(bodies, frames, frame, scale)
+        else:
+            bodies.imshow(image)
+        figure.colorbar(scale.bar, ax=bodies, label=scale.label, location="bottom", shrink=0.7, pad=0.02, aspect=40)
+        for axes in rest:
+            _draw_curves(axes, curves, frame.time)
+        figure.suptitle(f"{title}, {frame.words}", fontsize=11)
+        yield _image(figure)
 
 
-def _draw_plane(axes: Any, surface: DrawnSurface, frame: Frame, scale: ColourScale) -> None:
-    """Draw the bodies, and the slave skins where their nodes alone have values."""
+def _rendered(frames: Frames, scale: ColourScale, camera: tuple[float, float, float]) -> Iterator[NDArray[np.uint8]]:
+    """Yield the rendered picture of each time in space."""
+    check_renderer()
+    surface, size = frames.surface, (round(_WIDE[0] * 2 * _DPI), round(_HIGH * 2 * _DPI))
+    x = np.stack([frame.x for frame in frames.frames])
+    x = x - origin_of(x[:, surface.drawn].reshape(-1, 3))  # a graphics card counts with seven digits
+    pyvista = import_module("pyvista")
+    plot = pyvista.Plotter(off_screen=True, window_size=list(size))
+    plot.set_background("white")
+    faces = pyvista.PolyData.from_regular_faces(x[0], surface.triangles)
+    faces["colour"] = _rgb(frames.frames[0], scale)
+    edges = pyvista.PolyData(x[0], lines=np.insert(surface.edges, 0, 2, axis=1))
+    plot.add_mesh(faces, scalars="colour", rgb=True, smooth_shading=False, ambient=0.65, diffuse=0.45)
+    plot.add_mesh(edges, color=INK, opacity=0.35, line_width=1, lighting=False)
+    eye = np.asarray(camera) / np.linalg.norm(camera)
+    fit_camera(plot, x[:, surface.drawn].reshape(-1, 3), eye, size, 0.015, 0.985)
+    for k, frame in enumerate(frames.frames):
+        faces.points = edges.points = x[k]
+        faces["colour"] = _rgb(frame, scale)
+        plot.render()
+        yield np.array(plot.screenshot(return_img=True))
+    plot.close()
+
+
+def _rgb(frame: Frame, scale: ColourScale) -> NDArray[np.uint8]:
+    """Return the colour of each point, (p, 3)."""
+    colours = scale.bar.to_rgba(np.nan_to_num(frame.value, nan=scale.low), bytes=True)[:, :3].copy()
+    colours[np.isnan(frame.value)] = rgb(BODIES[:1])
+    return np.asarray(colours, np.uint8)
+
+
+def _draw_plane(axes: Any, frames: Frames, frame: Frame, scale: ColourScale) -> None:
+    """Draw the bodies of a plane at one time, and the slave skins where their nodes alone have values."""
+    surface = frames.surface
     draw_bodies(axes, surface, frame.x, frame.value, scale)
     inside = np.isfinite(frame.value)[surface.triangles].all(axis=1)
     if not inside.any():
         ends = frame.value[surface.outline]
         draw_faces(axes, frame.x[surface.outline][..., :2], ends.mean(axis=1), scale)
+    low, high = frames.box[:, :2]
+    room = 0.02 * max(high - low)
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
 
 
-def _figure(wide: float, high: float, dpi: int = _DPI) -> Any:
-    return import_module("matplotlib.figure").Figure(figsize=(wide, high), dpi=dpi, layout="constrained")
+def _draw_curves(axes: Any, curves: Sequence[Curve], now: float) -> None:
+    """Draw curves: pale as a whole, strong up to a time, which has a dot."""
+    for k, (time, x, y, _, up) in enumerate(curves):
+        on = time <= now * (1 + 1e-12)
+        axes.plot(x, y, color=f"C{k}", linewidth=0.8, alpha=0.3)
+        axes.plot(x[on], y[on], color=f"C{k}", linewidth=1.6, label=up)
+        axes.plot(np.interp(now, time, x), np.interp(now, time, y), "o", color=f"C{k}", markersize=4)
+    level_out(axes, np.concatenate([curve.y for curve in curves]))
+    axes.grid(color="#e2e5e8", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set(xlabel=curves[0].across, ylabel=curves[0].up if len(curves) == 1 else "")
+    if len(curves) > 1:
+        axes.legend(frameon=False, fontsize=8)
 
 
 def _image(figure: Any) -> Any:
@@ -333,21 +323,6 @@ def _image(figure: Any) -> Any:
     out = io.BytesIO()
     figure.savefig(out, format="png")
     return import_module("PIL.Image").open(out).convert("RGB")
-
-
-def _moving(sheet: _Sheet, rate: float, stays: float) -> bytes:
-    """Return the film: the bodies at each time, and the curves up to that time beside them; the last `stays` longer."""
-    images, n = [], 1 + bool(sheet.curves)
-    for frame, rendered in zip(sheet.frames.frames, sheet.rendered((_WIDE[0], _HIGH)), strict=True):
-        figure = _figure(sum(_WIDE[:n]), _HIGH)
-        bodies, *rest = figure.subplots(1, n, width_ratios=_WIDE[:n], squeeze=False)[0]
-        sheet.draw(bodies, frame, rendered)
-        sheet.add_bar(figure, bodies, location="bottom", shrink=0.7, pad=0.02, aspect=40)
-        for axes in rest:
-            sheet.plot(axes, [frame.time])
-        figure.suptitle(f"{sheet.title}, {frame.words}", fontsize=11)
-        images.append(_image(figure))
-    return _gif(images, rate, stays)
 
 
 def _gif(images: list[Any], rate: float, stays: float) -> bytes:
@@ -363,28 +338,6 @@ def _gif(images: list[Any], rate: float, stays: float) -> bytes:
     out = io.BytesIO()
     flat[0].save(out, "GIF", save_all=True, append_images=flat[1:], duration=lasts, loop=0, optimize=False, disposal=1)
     return out.getvalue()
-
-
-def _still(sheet: _Sheet) -> bytes:
-    """Return the sheet: rows of pictures titled by their times, and below them the curves with dots at these times."""
-    frames, n = sheet.frames.frames, 1 + bool(sheet.curves)
-    across = min(3, len(frames))
-    down = -(-len(frames) // across)
-    tall = _TILE * sheet.height
-    high = [down * (tall + 0.25) + 0.8, _TILE * 0.7][:n]
-    figure = _figure(_TILE * across, sum(high), _DPI_SHEET)
-    upper, *lower = figure.subfigures(n, 1, height_ratios=high, squeeze=False)[:, 0]
-    tiles = upper.subplots(down, across, squeeze=False)
-    for axes in tiles.flat:
-        without_frame(axes)
-    for axes, frame, rendered in zip(tiles.flat, frames, sheet.rendered((_TILE, tall)), strict=False):
-        sheet.draw(axes, frame, rendered)
-        axes.set_title(frame.words, fontsize=9)
-    sheet.add_bar(upper, tiles, location="bottom", shrink=0.5, pad=0.02, aspect=40)
-    for part in lower:
-        sheet.plot(part.subplots(), [frame.time for frame in frames])
-    upper.suptitle(sheet.title, fontsize=11)
-    return _png(_image(figure))
 
 
 def _png(image: Any) -> bytes:

@@ -1,6 +1,6 @@
 """Frames of a film of a run: at each time the deformed bodies, their visible faces, and a value at each node.
 
-fields = the VTU files named by solid.pvd and contact_NAME.pvd                            (read_frames)
+fields = those of the written times of a folder                                           (read_frames)
 visible surface, once for all times: split into triangles around the faces' centres       (DrawnSurface)
 value = von Mises' stress, or the recovered pressure on the slave skins; NaN elsewhere    (COLOURS)
 
@@ -9,8 +9,9 @@ A natural mode has frames too: one period of its vibration, drawn with an amplit
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,13 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.vtu import read_pvd
 from lacmesh.grids import FLAT, bodies_of, grid_of, outer_faces
-from lacmesh.indices import Index
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
+from lacsolver.output.names import MODES_PVD
+from lacsolver.output.states import StoredFields
 from lacsolver.pictures.quantities import QUANTITIES, ends_of
 from lacsolver.pictures.skins import ring
 from lacsolver.results.nodal import von_mises
+from lacsolver.results.results import Fields
 
 #: quantities that bodies may be coloured by, and their labels beside the scale
 COLOURS = {"stress": "von Mises stress", "pressure": "contact pressure"}
@@ -77,6 +79,11 @@ class DrawnSurface:
         """Return values at nodes (n_nodes, ...), followed by their means over each face."""
         return _with_means(nodal, self.centres)
 
+    @cached_property
+    def drawn(self) -> Ints:
+        """Points (k,) of triangles and segments, each once."""
+        return np.unique(np.concatenate([self.triangles.ravel(), self.segments.ravel()]))
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -101,7 +108,7 @@ class Frames:
     @property
     def box(self) -> NDArray[np.floating]:
         """The least and the largest coordinates over all times, (2, 3)."""
-        x = np.concatenate([frame.x for frame in self.frames])
+        x = np.concatenate([frame.x[self.surface.drawn] for frame in self.frames])
         return np.stack([x.min(axis=0), x.max(axis=0)])
 
     @property
@@ -113,29 +120,21 @@ class Frames:
 def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
     """Read the frames of all times with fields in a run's folder, or of at most `count` of them, evenly spaced.
 
-    Raises RequestError for an unknown colour and if there are no fields, ReadError, DataError for damaged files.
+    Raises RequestError for an unknown colour and if there are no fields, ReadError for damaged files.
     """
     if colour not in COLOURS:
         others = [name for name in QUANTITIES if name not in COLOURS]
         words = f"bodies are coloured by {' or '.join(COLOURS)}, and zones by {' or '.join(others)}"
         raise RequestError(f"{words}, not by {colour!r}")
-    files = list(read_pvd(folder / f"{SOLID}.pvd").items())
-    if not files:
-        wanted = 'name the folder of a run whose [output] has format = "vtu"'
-        raise RequestError(f"{folder} holds no fields to film (solid.pvd and the files that it names); {wanted}")
-    zones = _zones(folder) if colour == "pressure" else []
-    files = [files[k] for k in even_times([time for time, _ in files], count)]
-    first = lacmesh.read(folder / files[0][1])
-    surface, frames = DrawnSurface.of(first), []
-    for time, file in files:
-        path = folder / file
-        mesh = lacmesh.read(path)
-        if mesh.n_nodes != first.n_nodes:
-            raise DataError(f"{path} is of another mesh than the files before; run the case again")
-        stress = colour == "stress"
-        value = von_mises(_field(mesh, "stress", path)) if stress else _pressure(mesh, folder, time, zones)
-        x = mesh.points + _field(mesh, "displacement", path)
-        frames.append(Frame(time, surface.points(x), surface.points(value), f"t = {time:.4g}"))
+    stored = StoredFields(folder)
+    if not stored.times:
+        raise RequestError(f"{folder} holds no fields to film; run the case again")
+    surface, frames = DrawnSurface.of(stored.mesh), []
+    for k in even_times(stored.times, count):
+        fields = stored.read(k)
+        value = von_mises(fields.stress) if colour == "stress" else _pressure(fields, folder)
+        x = stored.mesh.points + np.pad(fields.displacement, ((0, 0), (0, 3 - fields.displacement.shape[1])))
+        frames.append(Frame(fields.time, surface.points(x), surface.points(value), f"t = {fields.time:.4g}"))
     return Frames(surface, tuple(frames))
 
 
@@ -175,37 +174,27 @@ def read_mode(folder: Path, number: int, count: int) -> Frames:
     return Frames(surface, tuple(frames))
 
 
-def _zones(folder: Path) -> list[dict[float, str]]:
-    """Return the file of each time, for each zone. Raises RequestError if there is no zone."""
-    zones = [read_pvd(path) for path in sorted(folder.glob(f"{CONTACT}*.pvd"))]
-    if not zones:
-        raise RequestError(f"{folder} holds no contact to colour by its pressure; --colour stress needs none")
-    return zones
-
-
 def _field(mesh: Mesh, name: str, path: Path) -> NDArray[np.floating]:
     if name not in mesh.node_data:
         raise DataError(f"{path} has no field {name!r}; run the case again")
     return np.asarray(mesh.node_data[name], float)
 
 
-def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[float, str]]) -> NDArray[np.floating]:
-    """Return the recovered pressure (n_nodes,) on the slave skins of all zones, the larger one where two meet."""
-    value = np.full(mesh.n_nodes, np.nan)
-    index = Index(mesh.node_number)
-    for files in zones:
-        if time in files:
-            path = folder / files[time]
-            skin = lacmesh.read(path)
-            nodes = index.places(skin.node_number)
-            value[nodes] = np.fmax(value[nodes], _field(skin, "pressure_recovered", path))
+def _pressure(fields: Fields, folder: Path) -> NDArray[np.floating]:
+    """Return the recovered pressure (n_nodes,) on the slave skins of all zones, the larger one where two meet.
+
+    Raises RequestError if there is no zone.
+    """
+    if not fields.zones:
+        raise RequestError(f"{folder} holds no contact to colour by its pressure; --colour stress needs none")
+    value: NDArray[np.floating] = np.fmax.reduce([zone.pressure_recovered for zone in fields.zones.values()])
     return value
 
 
 def _visible(mesh: Mesh) -> list[tuple[str, Ints, Ints]]:
     """Return the type, the nodes (f, k) and the cells (f,) of visible faces: outer ones in space, cells in a plane."""
     if mesh.dim < 3:
-        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(np.flatnonzero(mesh.cell_dim > 0))]
+        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(np.flatnonzero(bodies_of(mesh)))]
     grid = grid_of(mesh)
     faces = outer_faces(grid.extract_cells(bodies_of(mesh)[np.asarray(grid["cell"])]))
     node, cell = np.asarray(faces["node"]), np.asarray(faces["cell"])

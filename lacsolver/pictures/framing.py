@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Mesh
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along
 from lacsolver.results.results import ZoneFields
 
 #: largest length of a magnified displacement, relative to the extent of the mesh
@@ -25,29 +24,17 @@ _MARGIN = 0.5
 
 
 def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], on_faces: Any) -> tuple[Mesh, Floats, list[str]]:
-    """Return a mesh at points x (n_nodes, 3) with the faces of zones as cells of their own, a group for each zone.
+    """Return a mesh at points x (n_nodes, 3) with a group of faces for each zone, and the macro-elements of all zones.
 
     Also return the value of each cell (n_cells,), `on_faces(zone)` on these faces and NaN elsewhere; and the groups.
     """
-    parts: dict[str, list[tuple[Ints, Floats, Ints, Ints]]] = {}  # of each type: nodes, value, macro-element, zone
-    for kind, nodes in mesh.blocks:
-        none = np.full(len(nodes), -1)
-        parts[kind] = [(nodes, np.full(len(nodes), np.nan), none, none)]
-    first = 0
-    for k, zone in enumerate(zones.values()):
-        faces, own = zone.surface.faces, on_faces(zone)
-        macro = np.where(zone.macro >= 0, first + zone.macro, -1)
+    value, macro, first = np.full(mesh.n_cells, np.nan), np.full(mesh.n_cells, -1), 0
+    groups = {f"zone {name}": np.sort(zone.surface.cell) for name, zone in zones.items()}
+    for zone in zones.values():
+        value[zone.surface.cell] = on_faces(zone)
+        macro[zone.surface.cell] = np.where(zone.macro >= 0, first + zone.macro, -1)
         first += len(zone.status)
-        for code in np.unique(faces.type):
-            rows = np.flatnonzero(faces.type == code)
-            part = faces.nodes[rows, : N_NODES[code]], own[rows], macro[rows], np.full(len(rows), k)
-            parts.setdefault(FACE_TYPES[code], []).append(part)
-    every = [part for of_type in parts.values() for part in of_type]
-    value, macros, number = (np.concatenate([part[k] for part in every]) for k in (1, 2, 3))
-    groups = {f"zone {name}": np.flatnonzero(number == k) for k, name in enumerate(zones)}
-    blocks = [(kind, np.concatenate([part[0] for part in of_type])) for kind, of_type in parts.items()]
-    data = {"lac_macro": macros}
-    whole = Mesh.create(x, blocks, space_dim=mesh.space_dim, cell_groups=groups, cell_data=data)
+    whole = Mesh.create(x, mesh.blocks, space_dim=mesh.space_dim, cell_groups=groups, cell_data={"lac_macro": macro})
     return whole, value, list(groups)
 
 

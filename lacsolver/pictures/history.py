@@ -1,13 +1,15 @@
-"""Plots of columns of a run's history over time, one panel for each kind of quantity."""
+"""Curves drawn by matplotlib: panels of them, and columns of a run's history over time, a panel for each quantity."""
 
 from __future__ import annotations
 
 import io
+import math
 import os
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,15 @@ from lacsolver.pictures.plane import level_out
 
 #: size of a panel in inches, and points per inch
 _WIDE, _HIGH, _DPI = 8.0, 2.6, 150
+
+
+class Panel(NamedTuple):
+    """Curves of one quantity, x and y (n,) by their names, and the labels of the axes; `log`: y is logarithmic."""
+
+    up: str
+    curves: Mapping[str, tuple[Sequence[float] | Floats, Sequence[float] | Floats]]
+    across: str = "time"
+    log: bool = False
 
 
 def check_plot_history(path: Path) -> None:
@@ -35,8 +46,8 @@ def plot_history(
     """Draw columns of a run's history over time into a PNG file.
 
     `columns`: names of columns, or patterns such as `energy.*`; by default all energies, and if there are none, all
-    reactions. Columns of one kind (`energy`, `contact`, ...) share a
-    panel. Raises RequestError for columns that the history does not have, ReadError, WriteError.
+    reactions. Columns of one kind (`energy`, `contact`, ...) share a panel. Raises RequestError for columns that the
+    history does not have, ReadError, WriteError.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
@@ -48,10 +59,10 @@ def plot_history(
     folder, path = Path(folder), Path(path)
     check_plot_history(path)
     table = read_table(folder / HISTORY)
-    panels: dict[str, dict[str, Floats]] = {}
+    kinds: dict[str, dict[str, tuple[Floats, Floats]]] = {}
     for name, values in chosen(table, columns).items():
-        panels.setdefault(_kind(name), {})[name] = values
-    replace_file(path, _drawn(table["time"], panels, title or folder.name))
+        kinds.setdefault(_kind(name), {})[name] = table["time"], values
+    replace_file(path, draw_panels([Panel(kind, curves) for kind, curves in kinds.items()], title or folder.name))
 
 
 def chosen(table: Mapping[str, Floats], columns: Sequence[str]) -> dict[str, Floats]:
@@ -88,20 +99,31 @@ def _kind(name: str) -> str:
     return parts[0]
 
 
-def _drawn(time: Floats, panels: Mapping[str, Mapping[str, Floats]], title: str) -> bytes:
-    """Return the picture as PNG."""
-    size = _WIDE, 0.5 + _HIGH * len(panels)
-    figure = import_module("matplotlib.figure").Figure(size, dpi=_DPI, layout="constrained")
+def draw_panels(panels: Sequence[Panel], title: str = "", *, columns: int = 1) -> bytes:
+    """Return a picture of panels, in so many columns, as PNG; panels of one column have the same x."""
+    rows = math.ceil(len(panels) / columns)
+    figure = import_module("matplotlib.figure").Figure((_WIDE, 0.5 + _HIGH * rows), dpi=_DPI, layout="constrained")
     figure.suptitle(title.replace("$", r"\$"))
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (kind, curves) in zip(axes, panels.items(), strict=True):
-        for name, values in curves.items():
-            ax.plot(time, values, label=name.replace("$", r"\$"), linewidth=1.2)
-        level_out(ax, np.concatenate(list(curves.values())))
-        ax.set_ylabel(kind)
+    every = figure.subplots(rows, columns, sharex=columns == 1, squeeze=False).flat
+    for ax, panel in zip(every, panels, strict=False):
+        for name, (x, y) in panel.curves.items():
+            marker = "." if len(x) < 2 else ""
+            ax.plot(x, np.asarray(y, float), marker=marker, label=name.replace("$", r"\$"), linewidth=1.2)
+        if panel.log:
+            ax.set_yscale("log", nonpositive="clip")
+        else:
+            level_out(ax, np.concatenate([np.asarray(y, float) for _, y in panel.curves.values()]))
+        ax.set_ylabel(panel.up)
         ax.grid(alpha=0.3)
-        ax.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    axes[-1].set_xlabel("time")
+        if columns == 1:
+            ax.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        else:
+            ax.set_xlabel(panel.across)
+            ax.legend(fontsize="x-small", frameon=False)
+    for ax in list(every)[len(panels) :]:
+        ax.set_axis_off()
+    if columns == 1:
+        ax.set_xlabel(panels[-1].across)
     png = io.BytesIO()
     figure.savefig(png, format="png", metadata={"Software": None})
     return png.getvalue()

@@ -7,7 +7,6 @@ array goes through the first process piece after piece: none has the whole of it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,12 @@ from lacmesh.mesh import Ints
 from lacsolver.constraints import Constraints
 from lacsolver.distributed.share import Share
 from lacsolver.results.motion import AT_NODES, WITH_POINTS, MotionState
-from lacsolver.results.results import Restart
 from lacsolver.space.space import Space
 
 #: number of places in the order of the model that a piece is from
 PIECE = 1 << 18
-_MOVING = (*WITH_POINTS, *AT_NODES)
+#: paths in a `Restart` of the unknowns of the last two steps, and of the histories of blocks of cells
+_UNKNOWNS, _MATERIALS = ("step.iterate.q", "step.earlier.1.q"), "step.histories.materials."
 
 
 class Order:
@@ -63,7 +62,7 @@ class Order:
 
 
 def orders_of(constraints: Constraints, points: int = 0) -> Mapping[str, Order]:
-    """Return the order of each array of `whole_arrays`, by its name; {} for a process alone.
+    """Return the order of each array of a `Restart` that grows with the model, by its path; {} for a process alone.
 
     `points`: number of entries of a motion for the points of rigid bodies, which all processes have.
     """
@@ -75,15 +74,20 @@ def orders_of(constraints: Constraints, points: int = 0) -> Mapping[str, Order]:
     u = _at_nodes(space, node, np.repeat(space.share.own, space.dim))
     q = _at_nodes(space, constraints.node_of_unknown, constraints.own)  # with the motions of rigid bodies
     cells = [_of_cells(space, k) for k in range(len(space.blocks))]
-    materials = {f"materials_{k}": order for k, order in enumerate(cells)}
+    materials = {f"{_MATERIALS}{k}": order for k, order in enumerate(cells)}
     w = _at_nodes(space, node, np.append(np.repeat(space.share.own, space.dim), np.full(points, space.share.rank == 0)))
-    motion = {_in_file(name): order for names, order in ((WITH_POINTS, w), (AT_NODES, u)) for name in names}
-    return {"u": u, "now_q": q, "earlier_q": q, **materials, **motion}
+    motion = {_path_of(name): order for names, order in ((WITH_POINTS, w), (AT_NODES, u)) for name in names}
+    return {"u": u, **dict.fromkeys(_UNKNOWNS, q), **materials, **motion}
 
 
-def _in_file(name: str) -> str:
-    """Return the name in a file of an array of a motion."""
-    return f"scheme_{MotionState._fields.index(name)}"
+def grows(path: str) -> bool:
+    """True for the path of an array of a `Restart` that grows with the model."""
+    return path in ("u", *_UNKNOWNS, *map(_path_of, (*WITH_POINTS, *AT_NODES))) or path.startswith(_MATERIALS)
+
+
+def _path_of(name: str) -> str:
+    """Return the path of an array of a motion in a `Restart`."""
+    return f"step.histories.scheme.{MotionState._fields.index(name)}"
 
 
 def _at_nodes(space: Space, node: Ints, own: NDArray[np.bool_]) -> Order:
@@ -103,36 +107,3 @@ def _of_cells(space: Space, k: int) -> Order:
     block = space.blocks[k]
     assert space.share.cell is not None
     return Order(space.share, space.share.cell[block.cell], space.own_cells(block))
-
-
-def whole_arrays(state: Restart) -> dict[str, NDArray]:
-    """Return the arrays of a state that grow with the model, by their names in a file."""
-    step = state.step
-    assert step.iterate is not None
-    earlier = {} if step.earlier is None else {"earlier_q": step.earlier[1].q}
-    materials = {f"materials_{k}": values for k, values in enumerate(step.histories.materials)}
-    moving = {} if step.motion is None else {_in_file(name): getattr(step.motion, name) for name in _MOVING}
-    return {"u": state.u, "now_q": step.iterate.q, **earlier, **materials, **moving}
-
-
-def grows(name: str) -> bool:
-    """True for the name of an array that is one of the `whole_arrays`."""
-    return name in ("u", "now_q", "earlier_q", *map(_in_file, _MOVING)) or name.startswith("materials_")
-
-
-def with_arrays(state: Restart, arrays: Mapping[str, NDArray]) -> Restart:
-    """Return a state with other `whole_arrays`."""
-    step = state.step
-    assert step.iterate is not None
-    earlier = step.earlier and (step.earlier[0], step.earlier[1]._replace(q=arrays["earlier_q"]))
-    materials = tuple(arrays[f"materials_{k}"] for k in range(len(step.histories.materials)))
-    scheme = step.histories.scheme
-    if step.motion is not None:
-        scheme = {**scheme, **{name: arrays[_in_file(name)] for name in _MOVING}}
-    step = replace(
-        step,
-        iterate=step.iterate._replace(q=arrays["now_q"]),
-        earlier=earlier,
-        histories=step.histories._replace(materials=materials, scheme=scheme),
-    )
-    return replace(state, u=arrays["u"], step=step)

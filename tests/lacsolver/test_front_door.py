@@ -340,16 +340,18 @@ def test_a_damaged_folder_is_said_to_be_one(tmp_path):
 # ---- messages, descriptions, other libraries
 
 
-def test_steps_are_logged_and_in_a_log_each_step_is_a_line_or_a_bar(mesh, caplog, capsys, monkeypatch):
+def test_steps_are_logged_and_in_a_log_each_step_is_a_line_beside_iterations(mesh, caplog, capsys, monkeypatch):
     with caplog.at_level(logging.DEBUG, logger="lacsolver"):
         ls.solve(case_of(), mesh, progress=True)
     levels = [record.levelname for record in caplog.records if record.name == "lacsolver"]
     assert levels.count("INFO") == 1 and "DEBUG" in levels
     heading, line = capsys.readouterr().err.splitlines()
     assert heading.split()[:3] == ["step", "time", "iterations"] and line.split()[:2] == ["1", "1"]
-    monkeypatch.setattr("lacsolver.solution._shows_bars", lambda: True)
+    monkeypatch.setattr("lacsolver.watch.shows_more", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")  # a terminal, for rich
     ls.solve(case_of(), mesh, progress=True)
-    assert "t = 1" in capsys.readouterr().err
+    shown = capsys.readouterr().err
+    assert heading in shown and line in shown and ("preparing" in shown or "t = 1" in shown)
 
 
 @pytest.mark.parametrize(("count", "last"), [(0, "none"), (4, "mistake 4"), (6, "2 more")])

@@ -1,9 +1,10 @@
-"""Files of a run: its tables, its fields as VTU and MED as other programs find them, and the state of ParaView."""
+"""Files of a run: its tables, its fields as VTU and MED as other programs find them."""
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import fields as fields_of
 from dataclasses import replace
 
@@ -17,12 +18,14 @@ from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.orders import MED_CELLS
 from lacmesh.formats.vtu import read_pvd
 from lacsolver.output import files, summary
-from lacsolver.output.med import MedSeries
+from lacsolver.output.med import check_names, write_med
 from lacsolver.output.names import contact_stems
+from lacsolver.output.states import TimeWriter
 from lacsolver.output.tables import History
 from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
-from lacsolver.results.results import Fields, Results, ZoneFigures
+from lacsolver.results.results import Fields, Restart, Results, ZoneFigures
+from lacsolver.results.state import StepState
 from lacsolver.space.space import Space
 from tests.bad_input.case import small_files
 from tests.formats.med_peer import ask
@@ -48,7 +51,9 @@ def run(request, tmp_path_factory):
 
 @pytest.fixture(scope="module", params=MODELS)
 def in_med(request, tmp_path_factory):
-    return three_steps(tmp_path_factory.mktemp("med"), request.param, format="med")
+    made = three_steps(tmp_path_factory.mktemp("med"), request.param)
+    write_med(made.folder)
+    return made
 
 
 def told(folder):
@@ -259,7 +264,7 @@ def test_every_cell_of_a_body_is_shown(tmp_path, name):
     VtuSeries(tmp_path, space).write(whole_fields(space), 1)
     grid = pyvista.read(tmp_path / "fields" / "solid_0001.vtu")
     assert grid.n_cells == sum(len(b.nodes) for b in space.blocks)
-    MedSeries(tmp_path, space, []).write(whole_fields(space), 1)
+    exported(tmp_path, space, whole_fields(space))
     in_vtu, in_med = (read(tmp_path / of).cells_by_type for of in ("fields/solid_0001.vtu", "results.med"))
     assert in_vtu == in_med
     if name != "TRIA7":  # VTK has no measure of it
@@ -268,6 +273,16 @@ def test_every_cell_of_a_body_is_shown(tmp_path, name):
 
 
 # ---- fields as MED
+
+
+def write_time(folder, space, shown, number=1):
+    TimeWriter(folder, space, {}, {}).write(Restart(StepState(1.0), number, np.zeros(space.n_dof), {}, {}, {}), shown)
+
+
+def exported(folder, space, shown):
+    """Write fields as a time of a folder without any other file, and all times there as MED."""
+    write_time(folder, space, shown)
+    return write_med(folder)
 
 
 def expected(run, time):
@@ -332,11 +347,11 @@ def test_lacmesh_reads_it_and_its_times_and_components_are_named(in_med):
 
 def test_times_are_counted_as_libmed_wants_them(in_med, tmp_path):
     """Steps in all (LAA), on nodes (LNA), on cells (LCA); also where some were taken out."""
-    path = tmp_path / "results.med"
-    path.write_bytes((in_med.folder / "results.med").read_bytes())
-    for end, count in ((0.75, 3), (0.3, 1)):
-        MedSeries(tmp_path, in_med.space, ZONES, end)
-        with h5py.File(path) as file:
+    folder = shutil.copytree(in_med.folder, tmp_path / "out")
+    for last, count in ((3, 3), (1, 1)):
+        for number in range(last + 1, 4):
+            (folder / f"state_{number:04d}.npz").unlink()
+        with h5py.File(write_med(folder, tmp_path / "results.med")) as file:
             for name in expected(in_med, 1.0):
                 home = file["CHA"][name]
                 on = "LNA" if "LGN" in home.attrs else "LCA"
@@ -345,30 +360,25 @@ def test_times_are_counted_as_libmed_wants_them(in_med, tmp_path):
 
 def test_zones_of_names_that_med_takes_for_one_are_two_and_a_longer_one_is_refused_at_once(space, tmp_path):
     with pytest.raises(WriteError, match="64 bytes at most"):
-        MedSeries(tmp_path, space, ["x" * 40])
-    MedSeries(tmp_path, space, ["x" * 39])  # as docs/output.md says
-    assert not (tmp_path / "results.med").exists()
+        check_names(tmp_path, ["x" * 40])
+    check_names(tmp_path, ["x" * 39])  # as docs/output.md says
     shown = fields(space, 0.5)
     zones = dict(zip(("a/b", "a_b"), shown.zones.values(), strict=True))
-    MedSeries(tmp_path, space, zones).write(replace(shown, zones=zones), 1)
-    with h5py.File(tmp_path / "results.med") as file:
+    with h5py.File(exported(tmp_path, space, replace(shown, zones=zones))) as file:
         assert {"a_b.gap", "a_b.gap_2"} <= set(file["CHA"])
 
 
 @pytest.mark.parametrize("part", [0, 0.1, 0.5, 0.99])
-def test_where_a_time_does_not_fit_the_file_is_as_it_was(tmp_path, part):
-    space, path = Space.of(mixture(), "3d"), tmp_path / "results.med"
-    series = MedSeries(tmp_path, space, [])
-    series.write(whole_fields(space), 1)
+def test_where_an_export_does_not_fit_the_file_is_as_it_was(tmp_path, part):
+    space = Space.of(mixture(), "3d")
+    path = exported(tmp_path, space, whole_fields(space))
     before = path.read_bytes()
-    series.write(whole_fields(space), 2)
-    growth = path.stat().st_size - len(before)
-    path.write_bytes(before)
+    write_time(tmp_path, space, whole_fields(space), 2)
+    growth = write_med(tmp_path, tmp_path / "both.med").stat().st_size - len(before)
     with (
         small_files(len(before) + int(part * growth)),
         pytest.raises(WriteError, match=r"results\.med: cannot be written \(File too large"),
     ):
-        series.write(whole_fields(space), 2)
+        write_med(tmp_path)
     assert path.read_bytes() == before
-    series.write(whole_fields(space), 2)
-    assert {s.number for s in read(path).steps.values()} == {1, 2}
+    assert {s.number for s in read(write_med(tmp_path)).steps.values()} == {1, 2}

@@ -15,17 +15,16 @@ from lacmesh import Mesh, Surface, generate
 from lacmesh.cells import CELLS
 from lacmesh.drawing import Drawing, rgb
 from lacmesh.errors import ReadError, RequestError, WriteError
-from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacsolver.cli import main
-from lacsolver.output.stored import stored_fields
+from lacsolver.output.states import Written
+from lacsolver.output.store import load, save
 from lacsolver.output.tables import read_table
 from lacsolver.pictures import filming
 from lacsolver.pictures.drawing import ContactPicture
-from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film
+from lacsolver.pictures.filming import SHEET, _ends, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
-from lacsolver.pictures.plane import level_out
-from lacsolver.pictures.profiles import along
+from lacsolver.pictures.plane import along, level_out
 from lacsolver.pictures.quantities import QUANTITIES, RESULT, STATES, ColourScale
 from lacsolver.pictures.skins import views_of
 from lacsolver.results.units import Units
@@ -370,26 +369,23 @@ def test_what_makes_no_sense_is_refused_before_anything_is_solved(
     assert says in capsys.readouterr().err and [p.name for p in tmp_path.iterdir()] == ["case.toml"]
 
 
-def test_fields_in_med_and_in_pieces_of_several_processes_are_those_of_one_file(tmp_path):
-    """A VTU of a plane model, taken apart into two pieces with a common row of nodes, as two processes write it."""
-    in_med = picture(solved(tmp_path, GOOD + '[output]\nformat = "med"\n', blocks())).zones["joint"].pressure
+def test_fields_are_read_and_exported_whatever_the_format(tmp_path, capsys):
+    """A run with `format = "med"` has the file at its end that `lacsolver export` makes of any run."""
+    in_med = solved(tmp_path, GOOD + '[output]\nformat = "med"\n', blocks()).rename(tmp_path / "med")
     folder = solved(tmp_path, GOOD)
-    before = ls.read_results(folder).solution()
-    assert np.array_equal(before.contact["joint"].pressure, in_med)
-    ((time, file),) = read_pvd(folder / "solid.pvd").items()
-    whole = lacmesh.read(folder / file).with_groups("cells", left=lambda x: x[0] < 0.4, right=lambda x: x[0] >= 0.4)
-    for name in ("left", "right"):
-        lacmesh.write(folder / "fields" / f"{name}.vtu", whole.only(name))
-    text = '<VTKFile><PUnstructuredGrid><Piece Source="left.vtu"/><Piece Source="right.vtu"/></PUnstructuredGrid>'
-    (folder / "fields" / "solid_0001.pvtu").write_text(f"{text}</VTKFile>")
-    write_pvd(folder / "solid.pvd", {time: "fields/solid_0001.pvtu"})
-    after = ls.read_results(folder).solution()
-    assert stored_fields(folder).times == [time]
-    assert after.mesh.cells_by_type == before.mesh.cells_by_type and after.mesh.n_nodes == before.mesh.n_nodes
-    order, other = np.argsort(before.mesh.node_number), np.argsort(after.mesh.node_number)
-    assert np.array_equal(before.u[order], after.u[other])
+    before, after = (ls.read_results(one).solution() for one in (folder, in_med))
+    assert np.array_equal(before.u, after.u) and before.mesh.cells_by_type == after.mesh.cells_by_type
     assert np.array_equal(before.contact["joint"].pressure, after.contact["joint"].pressure)
-    ls.plot(folder, tmp_path / "p.png")
+    assert main(["export", str(folder), "--to", "med"]) == 0
+    one, other = (lacmesh.read(place / "results.med") for place in (folder, in_med))
+    assert one.steps == other.steps and one.node_data.keys() == other.node_data.keys()
+    assert all(np.array_equal(one.node_data[k], other.node_data[k], equal_nan=True) for k in one.node_data)
+    for words, status, says in (
+        (["--to", "med"], 2, "exists already"),
+        (["--to", "med", "-o", "a.vtu"], 2, "exported as .med"),
+        ([], 2, "--to"),
+    ):
+        assert main(["export", str(folder), *words]) == status and says in capsys.readouterr().err
 
 
 def test_units_are_words_alone(plane):
@@ -494,7 +490,7 @@ def test_the_default_curve_is_one_that_moves_and_a_history_is_drawn(plane, tmp_p
 )
 def test_the_scale_has_zero_and_the_values_of_either_sign(values, log, ends):
     frame = Frame(0.0, np.zeros((len(values), 3)), np.array(values), "")
-    scale = _colour_scale(Frames(None, (frame,)), "pressure", None, log)
+    scale = ColourScale("", **_ends(None, log, Frames(None, (frame,)).span))
     assert (scale.low, scale.high) == ends
 
 
@@ -528,8 +524,9 @@ def test_a_folder_without_fields_contact_or_packages(plane, tmp_path, monkeypatc
     (tmp_path / "history.csv").write_text("time,iterations\n1.0,2\n")
     with pytest.raises(RequestError, match="holds no fields"):
         film(tmp_path, tmp_path / "f.gif")
-    (tmp_path / "fields").symlink_to(plane / "fields")
-    (tmp_path / "solid.pvd").write_bytes((plane / "solid.pvd").read_bytes())
+    (tmp_path / "mesh.npz").symlink_to(plane / "mesh.npz")
+    written = load(plane / "state_0008.npz", Written)
+    save(tmp_path / "state_0008.npz", written._replace(fields=replace(written.fields, zones={})))
     with pytest.raises(RequestError, match="holds no contact"):
         film(tmp_path, tmp_path / "f.gif", colour="pressure")
     film(tmp_path, tmp_path / "f.png", frames=1)  # without reactions there is no curve, and the bodies are drawn

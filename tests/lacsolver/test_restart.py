@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 import lacmesh
 import lacsolver as ls
 from lacmesh import Mesh, cut_skin, example
-from lacmesh.errors import DataError, ReadError
+from lacmesh.errors import DataError
 from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacsolver import Contact, Material, Rigid, Solver, Steps, run
 from lacsolver.case import changed, fingerprint, fingerprint_as
@@ -212,30 +212,6 @@ def test_a_state_on_another_mesh_is_refused(ran, tmp_path):
     with pytest.raises(DataError, match="another case: mesh changed"):
         run(whole, tmp_path / "then", mesh=wider(whole.mesh), start=start)
     assert not (tmp_path / "then").exists()
-
-
-def test_states_with_the_older_digest_of_a_mesh_go_on(tmp_path, monkeypatch):
-    first, whole = six("sliding", 1.0, 1), six("sliding", 2.0, 2)
-    older = fingerprint_as({}, {}, first, whole.mesh)["mesh"]
-    with monkeypatch.context() as before:
-        before.setattr("lacsolver.running.fingerprint", lambda *given: {**fingerprint(*given), "mesh": older})
-        run(first, tmp_path / "first")
-    start = read_state(tmp_path / "first", whole, mesh=whole.mesh)
-    with pytest.raises(DataError, match="as many processes as that run of an older"):
-        read_state(tmp_path / "first", whole, mesh=wider(whole.mesh))
-    assert run(whole, tmp_path / "then", start=start).status == "done"
-    new = dict(read_state(tmp_path / "then", whole, mesh=whole.mesh).case)
-    assert new == fingerprint(whole, whole.mesh) and new["mesh"] != older == start.case["mesh"]
-
-
-def test_states_of_an_older_version_are_refused(tmp_path, monkeypatch):
-    """They know their mesh by its file alone."""
-    whole = six("sliding", 1.0, 1)
-    with monkeypatch.context() as before:
-        before.setattr("lacsolver.output.states.VERSION", 2)
-        run(whole, tmp_path / "first")
-    with pytest.raises(ReadError, match="which mesh they are of; run"):
-        read_state(tmp_path / "first", whole, mesh=whole.mesh)
 
 
 # ---- the digest of a mesh: any parts of it have the same one together

@@ -40,13 +40,21 @@ def page(space):
 
 
 @pytest.mark.vtk
-def test_the_page_has_the_figures_of_the_run(space, page):
+def test_the_page_has_the_figures_of_the_run(space, page, tmp_path):
+    """In Markdown it has its pictures beside it."""
     text, results = page.read_text(), ls.read_results(space)
     assert f"{results.summary['contact']['joint']['pressure_max']:.5g}" in text and "(MPa)" in text
-    assert text.count('src="data:image/webp;base64,') == 2
-    assert text.count("<h2>") == 8 and "value = &quot;t * (1 + x)&quot;" in text  # the case, as text
-    assert not re.search(r"http(?!-equiv|://www.w3.org/2000/svg)", re.sub(r"base64,[^\"]*", "", text))
-    assert ("iframe" in text) == (find_spec("trame_pyvista") is not None)
+    assert text.count('src="data:image/png;base64,') == 4
+    assert text.count("<h2>") == 7 and "value = &quot;t * (1 + x)&quot;" in text  # the case, as text
+    assert not re.search(r"http(?!-equiv)|<script", re.sub(r"base64,[^\"]*", "", text))
+    turning = find_spec("trame_pyvista") is not None
+    assert ('href="report_model.html"' in text) == turning == (page.parent / "report_model.html").exists()
+    assert main(["report", str(space), "-o", str(tmp_path / "r.md"), "-q"]) == 0
+    shown = re.findall(r"\]\((r_\w+\.png)\)", (tmp_path / "r.md").read_text())
+    assert shown == [f"r_{name}.png" for name in ("pressure", "status", "curves", "convergence")]
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in shown)
+    assert main(["report", str(space), "-o", str(tmp_path / "r.md"), "-q"]) == 2
+    assert main(["report", str(space), "-o", str(tmp_path / "s.md"), "--case", str(tmp_path / "no.toml")]) == 3
 
 
 def test_a_plane_run_reports_when_it_ends_and_one_without_contact_too(tmp_path, capsys, monkeypatch):

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lacsolver.reporting import charts
-from lacsolver.reporting.charts import Chart, Line, Plot
 from tests.verification.fakes import Given
 from verification import families, report
+from verification.pages import charts
+from verification.pages.charts import Chart, Line, Plot
 from verification.records import (
     SUITES,
     Case,

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacsolver.problem.problem import Problem
-from lacsolver.reporting.charts import Line, Plot
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
+from verification.pages.charts import Line, Plot
 from verification.profiles import line
 from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
 from verification.solving import LevelSolution, balanced, finished, with_true_gap

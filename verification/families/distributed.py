@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacsolver.reporting.charts import Line, Plot
 from verification.divided import FailedError, WholeState, found, solve_divided
 from verification.families import balance, patch, sliding
 from verification.families.balance import Touch
@@ -26,6 +25,7 @@ from verification.families.sliding import MESHES, Dragged, Slider
 from verification.meshes.bars import bar_on_wall, bars
 from verification.meshes.sliding import slider
 from verification.mpiexec import missing
+from verification.pages.charts import Line, Plot
 from verification.records import Case, Family, Outcome, Result, at_least, at_most
 from verification.solving import Solved, balance_of, case_text, entry, solve, worst
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Value
-from lacsolver.reporting.charts import Plot
 from verification.exact import cattaneo
 from verification.exact.cattaneo import Cylinders
 from verification.exact.half_plane import Ellipse
@@ -28,6 +27,7 @@ from verification.exact.spheres import LikeSpheres
 from verification.measures.edge import edge_of_contact
 from verification.measures.norms import PressureErrors, pressure_errors
 from verification.meshes.half_spaces import REACH, depth_lines, edge_lines, facing, half_planes, piece
+from verification.pages.charts import Plot
 from verification.profiles import line
 from verification.records import Case, Outcome, at_most, equal, informative, rate
 from verification.solving import (

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh.cells import CELLS
-from lacsolver.reporting.charts import Line, Plot
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
 from verification.measures.edge import edge_of_contact
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
+from verification.pages.charts import Line, Plot
 from verification.profiles import line
 from verification.records import Case, Family, Outcome, Result, at_most, informative, rate
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve, with_motions

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacsolver.reporting.charts import Line, Plot
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
 from verification.measures.edge import edge_of_contact
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
+from verification.pages.charts import Line, Plot
 from verification.profiles import line
 from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative
 from verification.solving import Solved, balanced, case_text, entry, solve

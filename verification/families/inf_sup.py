@@ -21,11 +21,11 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacsolver.reporting.charts import Line, Plot
 from verification.measures.inf_sup import constant, held
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
+from verification.pages.charts import Line, Plot
 from verification.records import Case, Family, Level, Outcome, Result, at_least, at_most, informative, levels_of
 from verification.solving import Solved, balanced, case_text, entry, model_of
 from verification.solving import solve as solved

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacsolver.reporting.charts import Plot
 from verification.exact.sources import Law, SymbolicFunction, Texts, compiled, derive, missing
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
+from verification.pages.charts import Plot
 from verification.profiles import line, pressures, residuals
 from verification.records import Case, Family, Outcome, Picture, Published, Result, informative, rate
 from verification.solving import LevelSolution, balanced, case_text, convergence, entry, solve

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacsolver.reporting.charts import Line, Plot
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
+from verification.pages.charts import Line, Plot
 from verification.records import Case, Family, Outcome, Published, Result, at_most
 from verification.solving import Solved, balanced, case_text, entry, solve
 

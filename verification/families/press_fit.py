@@ -29,11 +29,11 @@ import lacsolver
 from lacmesh import Mesh, example
 from lacmesh.cells import CELLS
 from lacsolver.problem.problem import Problem
-from lacsolver.reporting.charts import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import nodes_of
 from verification.meshes.rings import octant, pair, ring, sleeve
+from verification.pages.charts import Line, Plot
 from verification.profiles import pressures
 from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative, rate
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, finished, solve

@@ -26,10 +26,10 @@ from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.reporting.charts import Line, Plot
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
+from verification.pages.charts import Line, Plot
 from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
 from verification.solving import case_text, entry
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacsolver.reporting.charts import Line, Plot
 from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
+from verification.pages.charts import Line, Plot
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, informative
 from verification.solving import Solved, balanced, case_text, entry, model_of, solve
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lacsolver.reporting.blocks import ReportBlock, as_markdown, command, prose, title
+from verification.pages.blocks import ReportBlock, as_markdown, command, prose, title
 from verification.report import outline, tables
 from verification.report.outline import by_family, families_table, title_of, titled, verdict_sentence
 from verification.running.folder import Run

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from lacsolver.reporting.blocks import ReportBlock, TableRow, as_markdown, table, title
+from verification.pages.blocks import ReportBlock, TableRow, as_markdown, table, title
 from verification.records import Result
 from verification.report import words
 from verification.report.judging import SAID, verdict

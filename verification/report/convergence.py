@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from lacsolver.reporting.blocks import ReportBlock, TableCell, TableRow, table
-from lacsolver.reporting.charts import COLOURS, Chart, Line, Plot
+from verification.pages.blocks import ReportBlock, TableCell, TableRow, table
+from verification.pages.charts import COLOURS, Chart, Line, Plot
 from verification.records import Level, Result
 from verification.report import words
 from verification.report.tables import grouped

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from lacsolver.reporting.blocks import Verdict
+from verification.pages.blocks import Verdict
 from verification.records import Published, Result
 from verification.running.folder import CaseResult
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
-from lacsolver.reporting import blocks
-from lacsolver.reporting.blocks import ReportBlock, TableCell, TableRow, figures, prose, sentence, table, title
-from lacsolver.reporting.charts import COLOURS, Chart, Line, Plot, with_legend
-from lacsolver.reporting.markup import plain
-from lacsolver.reporting.pages import Page
 from verification.families import MODULES, family
+from verification.pages import blocks
+from verification.pages.blocks import ReportBlock, TableCell, TableRow, figures, prose, sentence, table, title
+from verification.pages.charts import COLOURS, Chart, Line, Plot, with_legend
+from verification.pages.markup import plain
+from verification.pages.pages import Page
 from verification.report import convergence, tables, words
 from verification.report.judging import Count, counted
 from verification.report.tables import grouped

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
 
-from lacsolver.reporting.blocks import ReportBlock, TableCell, TableRow, Verdict, table
+from verification.pages.blocks import ReportBlock, TableCell, TableRow, Verdict, table
 from verification.records import Published, Result
 from verification.report import words
 from verification.report.judging import SAID, as_good, counted, used, verdict

@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from lacmesh.formats.output import replace_file
-from lacsolver.reporting.pages import html_pages, markdown_pages
+from verification.pages.pages import html_pages, markdown_pages
 from verification.report.outline import outline
 from verification.running.folder import RESULTS, Run
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from lacmesh import LacmeshError
 from lacmesh.formats.output import replace_file
-from lacsolver.reporting.charts import Plot
+from verification.pages.charts import Plot
 from verification.records import Case, Outcome, Result
 
 #: of the files of a folder; a folder of another format is not resumed

@@ -28,6 +28,7 @@ from lacsolver.distributed.together import on_first
 from lacsolver.output import create_output, read_state
 from lacsolver.problem import problem
 from lacsolver.problem.skin import prepared
+from lacsolver.reading import read_results
 from lacsolver.running import run
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.distributed.cases import CASES
@@ -209,6 +210,16 @@ def test_pieces_hold_each_cell_once_with_the_displacement_of_the_state(folder, o
     assert "fields/solid_0002.pvtu" in (place / "solid.pvd").read_text()
     at = {number: k for k, number in enumerate(prepared(case).node_number.tolist())}
     u = read_state(place, case).u.reshape(-1, 3)
+    solution = read_results(place).solution()
+    assert np.array_equal(solution.u, u[[at[k] for k in solution.mesh.node_number.tolist()]])
+    whole_mesh = prepared(case)
+    assert solution.mesh.cells_by_type == whole_mesh.cells_by_type and solution.contact["joint"].pressure.min() > 0
+    for kind, number in (("cell_groups", "cell_number"), ("node_groups", "node_number")):
+        one, other = (
+            {name: sorted(getattr(mesh, number)[ids].tolist()) for name, ids in getattr(mesh, kind).items()}
+            for mesh in (solution.mesh, whole_mesh)
+        )
+        assert one == other
     for piece in pieces:
         assert np.abs(piece.node_data["displacement"] - u[[at[k] for k in piece.node_number]]).max() <= 1e-15
 
@@ -357,16 +368,17 @@ def test_a_run_goes_on_with_any_number_of_processes(restarts, name, other):
         alike = [v for k, v in expected.items() if blocks or k.split(".")[0] == key.split(".")[0]]
         assert np.abs(found[key] - values[kept]).max() <= 1e-9 * max(np.abs(v).max() for v in alike), key
     last = max(path.name for path in (place / "one").glob("state_*.npz"))
+    kept_by = "restart.step.histories"
     with np.load(place / "one" / last) as one, np.load(place / other / last) as state:
         assert set(one) == set(state)
-        histories = [values for key, values in one.items() if key.startswith("materials_") and values.size]
-        assert blocks or (any(v.max() > 1e-6 for v in histories) if name == "metal" else "scheme_10" in one)
-        for key in set(one) - {"about"}:
+        histories = [values for key, values in one.items() if key.startswith(f"{kept_by}.materials.") and values.size]
+        assert blocks or (any(v.max() > 1e-6 for v in histories) if name == "metal" else f"{kept_by}.scheme.10" in one)
+        for key in [key for key in one if key.startswith("restart.") or key == "fields.displacement"]:
             size = np.abs(one[key]).max(initial=0.0)
-            if key == "scheme_2":  # reactions, which are noise where nothing is held, beside forces
-                size = max(size, np.abs(one.get("scheme_5", 0.0)).max())
+            if key == f"{kept_by}.scheme.2":  # reactions, which are noise where nothing is held, beside forces
+                size = max(size, np.abs(one.get(f"{kept_by}.scheme.5", 0.0)).max())
             np.testing.assert_allclose(state[key], one[key], rtol=0, atol=1e-9 * size, err_msg=key)
-        told = (json.loads(file["about"].tobytes())["case"] for file in (one, state))
+        told = (json.loads(file["tree"].tobytes())["restart"]["case"] for file in (one, state))
         assert not blocks or len({json.dumps(case, sort_keys=True) for case in told}) == 1
 
 

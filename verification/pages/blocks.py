@@ -12,9 +12,9 @@ from html import escape
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from lacsolver.reporting.images import address
-from lacsolver.reporting.markup import identifier, plain
-from lacsolver.reporting.markup import prose as prose_html
+from verification.pages.images import address
+from verification.pages.markup import identifier, plain
+from verification.pages.markup import prose as prose_html
 
 #: how a result, a case or a row stands; `missed`: it needs attention; `none`: a case without an outcome
 Verdict = Literal["", "met", "missed", "informative", "none"]

@@ -13,12 +13,8 @@ WIDTH, QUALITY = 1200, 80
 
 
 def address(path: Path) -> str:
-    """A picture's `data:` address."""
-    return address_of(path.read_bytes())
-
-
-def address_of(png: bytes) -> str:
-    """The `data:` address of a picture in PNG."""
+    """Return a picture in PNG as a `data:` address. Raises OSError."""
+    png = path.read_bytes()
     if find_spec("PIL") is None:
         return _address("png", png)
     pillow = import_module("PIL.Image")

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lacsolver.reporting.markup import identifier
+from verification.pages.markup import identifier
 
 Array: TypeAlias = NDArray[np.float64]
 WIDTH, HEIGHT = 440, 290

@@ -1,7 +1,6 @@
 """Pages of blocks as files: HTML that needs nothing else, with style, script, charts and pictures in it, or Markdown.
 
-One page has no script (`html_page`). Several pages have a list to choose from (`html_pages`); without their script, and
-on paper, everything is seen, one page below the other.
+There is a list of pages to choose from; without its script, and on paper, all are seen, one below the other.
 """
 
 from __future__ import annotations
@@ -12,11 +11,10 @@ from html import escape
 from importlib.resources import files
 from typing import NamedTuple
 
-from lacsolver.reporting.blocks import ReportBlock, Verdict, as_markdown
-from lacsolver.reporting.markup import identifier, plain
+from verification.pages.blocks import ReportBlock, Verdict, as_markdown
+from verification.pages.markup import identifier, plain
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_SCRIPTED = f"{_POLICY}; script-src 'unsafe-inline'"
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
 class Page(NamedTuple):
@@ -29,20 +27,12 @@ class Page(NamedTuple):
     blocks: tuple[ReportBlock, ...]
 
 
-def html_page(blocks: Iterable[ReportBlock], title: str, footer: str, *, scripted: bool = False) -> str:
-    """Document of a single page. `scripted`: its blocks have scripts, such as a model that turns; else none may run."""
-    body = "\n".join(block.html for block in blocks)
-    policy = _SCRIPTED if scripted else _POLICY
-    return _document(title, policy, _text("page.css"), f"<main>\n{body}\n{_footer(footer)}\n</main>")
-
-
 def html_pages(content: Sequence[Page], footer: str, style: str = "") -> str:
     """Document of several pages, with a list to choose from; `style`: more rules of CSS."""
     links = "".join(f"<li>{_link_to(page)}</li>" for page in content)
     body = "\n".join(map(_section, content))
     return _document(
         content[0].title,
-        _SCRIPTED,
         _text("page.css") + _text("pages.css") + style,
         f'<nav aria-label="Pages"><ul>{links}</ul>'
         '<label class="only"><input type="checkbox" id="short"> only what fell short</label></nav>\n'
@@ -50,21 +40,17 @@ def html_pages(content: Sequence[Page], footer: str, style: str = "") -> str:
     )
 
 
-def markdown_page(blocks: Iterable[ReportBlock], footer: str) -> str:
-    """A single page as Markdown."""
-    return f"{as_markdown(blocks)}\n\n{footer}\n"
-
-
 def markdown_pages(content: Iterable[Page], footer: str) -> str:
     """Several pages as Markdown, one after the other."""
-    return markdown_page((block for page in content for block in (_heading(page), *page.blocks)), footer)
+    text = as_markdown(block for page in content for block in (_heading(page), *page.blocks))
+    return f"{text}\n\n{footer}\n"
 
 
-def _document(title: str, policy: str, style: str, body: str) -> str:
+def _document(title: str, style: str, body: str) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
@@ -75,7 +61,7 @@ def _footer(text: str) -> str:
 
 @cache
 def _text(name: str) -> str:
-    return files("lacsolver.reporting").joinpath(name).read_text(encoding="utf-8")
+    return files("verification.pages").joinpath(name).read_text(encoding="utf-8")
 
 
 def _link_to(page: Page) -> str:
