@@ -16,7 +16,7 @@ from lacsolver.cli.ranks import check_alone
 
 
 def export(
-    source: Annotated[str, Argument(metavar="CASE.toml|DIR", help="a case file, or the folder of a run")],
+    case: Annotated[str, Argument(metavar="CASE.toml|DIR", help="a case file, or the folder of a run")],
     *,
     to: Annotated[
         Literal["inp", "med"] | None,
@@ -40,15 +40,15 @@ def export(
     $ lacsolver export press_fit --to med
     """
     check_alone()
-    folder = Path(source).is_dir()
+    folder = Path(case).is_dir()
     if (to or ("med" if folder else "inp")) == "med":
         if partial:
             raise RequestError("--partial is for decks of CalculiX; leave it out")
-        _write_fields(source, target, force=force, run=run)
+        _write_fields(case, target, force=force, run=run)
     elif folder:
-        raise RequestError(f"{source} is a folder; a deck is written of a case: name its CASE.toml")
+        raise RequestError(f"{case} is a folder; a deck is written of a case: name its CASE.toml")
     else:
-        _write_deck(source, target, partial=partial, force=force, run=run)
+        _write_deck(case, target, partial=partial, force=force, run=run)
 
 
 def _write_deck(case: str, target: str | None, *, partial: bool, force: bool, run: Run) -> None:
