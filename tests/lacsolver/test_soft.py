@@ -183,6 +183,7 @@ def test_columns_with_a_spring(name, geometry, backend):
     press_columns(SPRINGS[name] | {"geometry": geometry}, backend=backend)
 
 
+@pytest.mark.rows("more0-options0", "more2-options2")
 @pytest.mark.parametrize(
     "more, options", [({}, {"dim": 2}), ({}, {"law": LARGE, "d": 0.3, "most": 20}), ({"type": "bilateral"}, {})]
 )
@@ -190,6 +191,7 @@ def test_columns_in_a_plane_with_large_strains_and_with_a_spring_that_pulls(more
     press_columns(SPRINGS["spring 500"] | more, **options)
 
 
+@pytest.mark.rows("reference")
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_columns_on_a_plateau(geometry):
     """Pressures within 1/300 of each other, between two parts of a table that are 15,000 times as stiff."""
@@ -250,7 +252,7 @@ TOES = {
 }
 
 
-@pytest.mark.rows("straight-finite", "toe without a slope-small")
+@pytest.mark.rows("toe without a slope-small")
 @pytest.mark.parametrize("name, kinematics", each_option(product(TOES, ("small", "finite"))))
 def test_a_block_comes_down_over_a_gap_and_again_after_it_was_let_go(name, kinematics):
     """Nothing but contact holds it down, and where the curve begins it has no slope."""
@@ -287,7 +289,7 @@ def motion_of(mesh, keys, kinematics, *records):
     return states, np.array([state.step.motion.energies for state in states])
 
 
-@pytest.mark.rows("keys0-small", "keys4-small")
+@pytest.mark.rows("keys0-small")
 @pytest.mark.parametrize("keys, kinematics", each_option(product(FOUNDATIONS, ("small", "finite"))))
 def test_a_bar_bounces_and_contact_gives_back_what_it_stored(keys, kinematics):
     """No step is halved for it, and the account of energy raises no doubt."""
