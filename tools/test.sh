@@ -1,38 +1,34 @@
 #!/usr/bin/env bash
 # What `make test` runs: both environments are installed side by side, and the one that is there first compiles kernels;
-# then linters run beside the tests, which the command that is given runs. Meanwhile the tests of several processes run,
-# with the time that the others leave, since a rank that waits for another is busy. What linters and these tests print
-# follows at the end. Where PETSc takes another user or system, they are skipped, and this is said.
+# then the tests, by the command that is given. Meanwhile linters run, and after them the tests of several processes, with
+# the time that the others leave, since a rank that waits for another is busy; what they print follows at the end. Where
+# PETSc takes another user or system, these tests are skipped, and this is said.
 set -euo pipefail
 
 petsc=petsc
 bash tools/system.sh petsc || { [ $? = 1 ] || exit 2; petsc=; }
 make --no-print-directory -j 2 .venv/.packages $petsc
-trap 'kill $(jobs -p) 2>/dev/null || true' EXIT # what still runs where an installation or the user ends this script
-make --no-print-directory lint >.venv/lint.txt 2>&1 &
-linters=$!
-make --no-print-directory install
 
-if [ "$petsc" ]; then
-  LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 nice -n 15 .venv-petsc/bin/pytest -q -m "petsc and not slow" \
-    tests/lacsolver/distributed >.venv-petsc/tests.txt 2>&1 &
-  several=$!
-fi
+meanwhile() {
+  local status=0
+  make --no-print-directory lint || status=$?
+  if [ "$petsc" ]; then
+    LACMESH_ALL=1 OPENBLAS_NUM_THREADS=1 nice -n 15 .venv-petsc/bin/pytest -q -m "petsc and not slow" \
+      tests/lacsolver/distributed || status=$?
+  else
+    echo "skipped: the tests marked petsc, for want of what the first lines name"
+  fi
+  return $status
+}
+meanwhile >.venv/meanwhile.txt 2>&1 &
 
 collect() { # Python compiles the tests here, once; otherwise each process that runs some would compile them all
   .venv/bin/pytest --collect-only -qq >.venv/tests.txt || { cat .venv/tests.txt && return 1; }
 }
 status=0
-collect && env LACMESH_ALL=1 "$@" || status=$?
+make --no-print-directory install && collect && env LACMESH_ALL=1 "$@" || status=$?
 
-wait $linters || status=$?
-echo "the linters, which ran meanwhile:"
-cat .venv/lint.txt
-if [ "$petsc" ]; then
-  wait $several || status=$?
-  echo "the tests of several processes, which ran meanwhile:"
-  cat .venv-petsc/tests.txt
-else
-  echo "skipped: the tests marked petsc, for want of what the first lines name"
-fi
+wait $! || status=$?
+echo "the linters, and the tests of several processes, which ran meanwhile:"
+cat .venv/meanwhile.txt
 exit $status
