@@ -56,6 +56,7 @@ $(PETSC)/.installed: pyproject.toml tools/system.sh tools/python.sh
 	@python=$$(bash tools/python.sh) && $$python -m venv $(PETSC)
 	@echo "installing lacsolver with PETSc into $(PETSC) (some 100 MB to fetch the first time)"
 	@$(PETSC)/bin/pip install --quiet --no-compile --disable-pip-version-check -e '.[petsc,multigrid]' pytest hypothesis
+	@$(PETSC)/bin/lacmesh compile
 	@touch $@
 
 demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks together, and draw both
@@ -72,7 +73,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@bash tools/system.sh tests
 	@mkdir -p .venv && touch $@
 
-test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); a skip for want of a package is an error
+test: .venv/.system-tests ## linters, and every test but the slow ones (make verify); a skip for want of a package is an error
 	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
 lint: $(PACKAGES) ## style, types, import layers

@@ -11,10 +11,11 @@ import pytest
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
+from lacmesh.generate import rectangle
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacsolver.bodies import small as assemble
-from lacsolver.bodies.assembly import matrix
+from lacsolver.bodies.assembly import matrix, owners
 from lacsolver.bodies.mass import DEGREE, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.small import assemble_stiffness, internal_force, stiffness_values
@@ -105,6 +106,10 @@ def test_two_materials_in_a_mixture(order, model):
         assert agree(assemble_stiffness(space, materials, threads=threads), K)
     for one, two in zip(*(assemble.stress(space, materials, u, threads=n) for n in (1, 3)), strict=True):
         assert agree(one, two)
+
+
+def test_each_thread_has_as_many_rows():
+    assert np.bincount(owners(Space.of(rectangle((5, 4)), "plane_strain"), 3)).tolist() == [10, 10, 10]
 
 
 @pytest.mark.parametrize(

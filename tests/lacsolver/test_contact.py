@@ -432,6 +432,7 @@ def test_a_tie_turns_with_its_bodies(kind, gap):
     np.testing.assert_allclose(after, moment if len(R) == 2 else R @ moment, atol=1e-6)
 
 
+@pytest.mark.rows("QUAD4")
 @pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
 def test_the_pressure_of_a_tie_that_is_pulled_after_a_turn(kind):
     """Without lateral contraction it is the pull, per undeformed area, as the load is."""

@@ -417,7 +417,7 @@ def said_of_the_angle(tmp_path, shape, **options):
     return before, told(case, tmp_path / f"{len([*tmp_path.iterdir()])}", "at an angle")
 
 
-@pytest.mark.rows("round-options2-counts2", "round-options7-counts7", "round-options10-counts10")
+@pytest.mark.rows("round-options2-counts2")
 @pytest.mark.parametrize(
     ("shape", "options", "counts"),
     [

@@ -299,6 +299,7 @@ def test_a_foot_ends_in_the_middle(dragged):
     assert (np.diff(force[: PRESSED[0], 2]) > 20).all()
 
 
+@pytest.mark.slow
 @pytest.mark.calculix
 def test_the_forces_of_a_foot_are_those_of_calculix(dragged):
     """Six of 14 faces touch, each with one pressure: the two agree as far as that allows.

@@ -64,7 +64,7 @@ def check(name, others, world, *place, ones=None, allowed=EXACT, **keys):
     assert_same(ones, others, world, PLACED[name].mesh(), *place, allowed=allowed, **keys)
 
 
-@pytest.mark.rows("plane stress, smoothed, bodied, sprung-large", "held by contact and a coupling, finite-forces")
+@pytest.mark.rows("plane stress, smoothed, bodied, sprung-large")
 @pytest.mark.parametrize(("name", "units"), each_option(itertools.product(HARD, UNITS)))
 def test_in_other_units(name, units):
     check(name, states_at(HARD[name], UNITS[units]), UNITS[units])

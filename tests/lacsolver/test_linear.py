@@ -505,6 +505,7 @@ USES = (
 )  # fmt: skip
 
 
+@pytest.mark.rows("linked", "fields", "glued", "yielding")
 @pytest.mark.parametrize("name", USES)
 @pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")
 def test_exact_solutions_are_found_without_rslab(name, without_rslab, tmp_path):

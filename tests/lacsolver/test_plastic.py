@@ -245,6 +245,7 @@ def plate(*records, kinematics="small", **rest):
     return bar("QUAD4", "plane_strain", kinematics, path, Traction(group="x1", tx="0.3 * y * t"), *records, **rest)
 
 
+@pytest.mark.rows("finite-med")
 @pytest.mark.parametrize("kinematics, form", [("small", "vtu"), ("finite", "med")])
 def test_what_a_run_writes_and_a_restart_goes_on_from(kinematics, form, tmp_path):
     case, mesh = plate(Output(format=form), kinematics=kinematics)

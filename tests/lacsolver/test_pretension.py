@@ -95,6 +95,7 @@ def test_a_force_without_a_lock_stays(halves):
     np.testing.assert_allclose([bolt.shortening for bolt, _ in steps], [0.16, 0.14, 0.12, 0.1], rtol=1e-10)
 
 
+@pytest.mark.rows("QUAD4-current")
 @pytest.mark.parametrize("kind, geometry", [("QUAD4", "reference"), ("QUAD4", "current"), ("HEXA8", "current")])
 def test_a_locked_bolt_is_tightened_over_a_gap(kind, geometry):
     """The lid comes down by the gap of 0.01 before it is clamped; what is clamped is shorter by that."""
@@ -214,6 +215,7 @@ def test_a_bolt_in_axisymmetry():
     assert bolt.force == pytest.approx(2 * np.pi, rel=1e-10) and bolt.moment is None
 
 
+@pytest.mark.rows("None")
 @pytest.mark.parametrize("lock", [None, 0.5])
 def test_a_bolt_in_motion_swings_about_its_force(lock):
     """A static start tightens it; then an end is let go on its own, and the section holds its force or its length."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import lacsolver
 from lacmesh import Mesh, Surface, cut_skin
@@ -13,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import rectangle
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
-from lacsolver.results.recovery import recover_pressure
+from lacsolver.results.recovery import _missed, recover_pressure
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.bodies import body
 from tests.lacsolver.held import with_sides
@@ -294,6 +296,13 @@ def test_means_that_scatter_have_no_parabola_of_their_own(slope, hill, off):
         nodal, _ = recover_pressure(surface, macro, means + scatter - np.average(scatter, weights=area), np.full(n, 1))
         wrong.append(nodal[nodes] - p(surface.x[nodes]))
     assert np.sqrt(np.mean(np.square(wrong))) < off * 0.2 / np.sqrt(3)
+
+
+def test_a_mean_is_missed_where_it_is_farther_off_than_the_pressures_at_the_nodes():
+    """Pressures 2 and 4 have the mean 3 and the standard deviation 1; a mean twice as far off is missed in full."""
+    segment = SimpleNamespace(means=csr_array([[0.5, 0.5]]), touch=csr_array([[1.0], [1.0]]))
+    for mean, missed in ((3.9, 0.0), (5.1, 2.1)):
+        assert _missed(segment, np.array([2.0, 4.0]), np.array([mean]), np.zeros(1)) == pytest.approx([missed])
 
 
 def test_the_last_bits_of_means_do_not_matter():

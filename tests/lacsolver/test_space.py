@@ -50,6 +50,12 @@ def strip(**groups):
     return Mesh.create(x, cells, cell_groups={"left": [0], "right": [1], "both": [0, 1], **groups})
 
 
+def test_extent_is_the_largest_side_of_the_box():
+    space = Space.of(rectangle(2, (1.5, 4.0)), "plane_strain")
+    top = np.flatnonzero(space.mesh.points[:, 1] == 4.0)
+    assert (space.extent, space.extent_of(top)) == (4.0, 1.5)
+
+
 def test_unknowns_go_node_by_node_of_cells_of_the_models_dimension():
     """A node of no cell has unknowns but is not attached."""
     mesh = cube("HEXA8", 1)

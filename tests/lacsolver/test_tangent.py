@@ -26,7 +26,6 @@ from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wav
 from tests.samples import each_option
 
 #: of a central difference
-#: of a central difference
 STEP, EXACT = 1e-6, 1e-8
 #: (slave, master, dimension): straight faces, and faces of any shape
 STRAIGHT = [("QUAD4", "TRIA3", 2), ("TRIA3", "QUAD4", 2), ("TETRA4", "TETRA4", 3), ("HEXA8", "PENTA6 triangle", 3)]
@@ -149,6 +148,12 @@ def test_derivatives_of_forces_and_gaps(pair, options, how):
     """Against central differences. Faces that a rim crosses gain and lose what is there, with its clearance."""
     size, options, how = within(pair, options, how)
     assert Deformed(*pair, options, **how).errors().max() <= size
+
+
+def test_derivatives_where_all_faces_meet_at_creases():
+    """Each face has normals of its own there."""
+    options = {"measure": "current", "normals": "smoothed", "axisymmetric": False, "crease_angle": 0.01}
+    assert Deformed("QUAD8", "TRIA6", 2, options, counts=(2, 1)).errors().max() <= EXACT
 
 
 @pytest.fixture

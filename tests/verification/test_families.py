@@ -96,18 +96,17 @@ OVER_WAVES, HERTZ = Run("sliding", "waves_QUAD4_facet"), Run("hertz", "2d-QUAD8-
 CURVED = Run("curved", "cylinders-QUAD4-within", 2)
 BLOCK = Run("sliding", "block_QUAD4_facet", 1, THREE)
 RUNS = (
-    PLANE, SOLID, SKIN, PRESSED, WAVES, WARPED, OVER_WAVES, HERTZ._replace(marks=SLOW), CURVED, BLOCK,
+    PLANE, SOLID, PRESSED, WAVES, WARPED,
+    *(run._replace(marks=SLOW) for run in (SKIN, OVER_WAVES, HERTZ, CURVED, BLOCK)),
     *(pairs("balance", name)._replace(marks=QUIET)
       for name in ("waves-smoothed-2d", "overhang-3d", "rigid-small-2d", "tie-gap-3d", "tower-small-3d")),
-    *(Run("cut", name) for name in ("TRIA", "QUAD", "mixed-2d", "counts")),
-    Run("cut", "TETRA", marks=SLOW),
-    *(Run("inf-sup", name, 3) for name in ("QUAD4", "HEXA8", "QUAD9", "TRIA3-on-QUAD4")),
+    *(Run("cut", name) for name in ("mixed-2d", "counts", "HEXA8-stars")),
+    *(Run("cut", name, marks=SLOW) for name in ("TRIA", "QUAD", "TETRA", "TETRA4-stars")),
+    *(Run("inf-sup", name, 3) for name in ("QUAD4", "QUAD9", "TRIA3-on-QUAD4")),
     Run("inf-sup", "HEXA8", 2),
-    Run("cut", "TETRA4-stars", marks=SLOW),
-    Run("cut", "HEXA8-stars"),
+    Run("inf-sup", "HEXA8", 3, marks=SLOW),
     *(Run("inf-sup", f"{kind}-stars", 3) for kind in ("QUAD4", "HEXA8")),
     pairs("patch", "stars-tie-3d", 1)._replace(marks=QUIET),
-    Run("sliding", "block_QUAD4_stars", 1, THREE),
     *(Run("joints", name, 3, marks=SLOW) for name in ("yielding_sphere_quad4", "cyclic_plate")),
     Run("joints", "first_yield_axisymmetric", 3),
     Run("manufactured", "QUAD4", 3),
@@ -117,7 +116,7 @@ RUNS = (
       for one in press_fit.FAMILY.cases if {"quick", "full"} <= set(one.levels)),
     Run("sliding", "waves_QUAD4_smoothed", 1, THREE),
     *(Run("sliding", name, 1, THREE, SLOW)
-      for name in ("block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_HEXA8_facet")),
+      for name in ("block_QUAD4_stars", "block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_HEXA8_facet")),
     *(Run("friction", name)
       for name in ("incline-below-TRIA3", "incline-above-TRIA3", "belt-180", "pull-out-below", "torque-above")),
     Run("friction", "dragged-QUAD4-upper", marks=SLOW),
@@ -164,7 +163,7 @@ SMALLER = {
 }  # fmt: skip
 
 
-LONGER = ("plane_block_1 3", "two leaves, finite", "three leaves, finite")
+LONGER = ("plane_block_1 3", "space_block 3", "two leaves, finite", "three leaves, finite")
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW * (name in LONGER)) for name in SMALLER])

@@ -271,3 +271,16 @@ def test_any_values_make_a_chart(values, log):
     text = charts.svg(Chart(Plot("", "", "x", "y", (line,), log, log), (1.0,))).lower()
     sloping = log and sum(v > 0 for v in values) > 1
     assert "nan" not in text and "inf" not in text and text.count('class="slope"') == sloping
+
+
+@pytest.mark.parametrize("count", [40, 41])
+def test_marks_of_more_than_40_points_are_dots(count):
+    line = Line("a", tuple(range(count)), tuple(range(count)), "points")
+    assert ('class="dots"' in charts.svg(Chart(Plot("", "", "x", "y", (line,))))) == (count > 40)
+
+
+def test_points_that_cannot_be_told_apart_are_not_drawn():
+    """Of points a quarter of a unit apart each second one, and the last."""
+    x = np.arange(400) / 4
+    kept, _ = charts._thinned(x, np.zeros(400))
+    assert kept.tolist() == [*x[::2], x[-1]]
