@@ -8,13 +8,11 @@
 The rows of the table also give the schemas and the page of docs (schema). numpy is loaded when a value is evaluated.
 """
 
-from lacsolver.case.case import Case, Output, Probe, Solver, Steps
+from lacsolver.case.case import Case, Dynamics, Initial, Output, Probe, Solver, Steps
 from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
-from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
-from lacsolver.case.joints import Coupling, Cyclic, Equation
-from lacsolver.case.pretension import Pretension
+from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
