@@ -6,7 +6,7 @@ case at once; `mistakes` are those that keys show together, which are looked at 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import MISSING, FrozenInstanceError, make_dataclass, replace
 from pathlib import Path
@@ -126,6 +126,10 @@ class Entry(Described, BaseModel):
         other = copy(self)
         other.__dict__.update(values)
         return other
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return the record with other values, which are checked as those of `dataclasses.replace`."""
+        return replace(self, **(update or {}))
 
     def has(self, key: str) -> bool:
         """True if a key was given."""

@@ -1,18 +1,19 @@
 """Formulas of x, y, z, t in Python's grammar, restricted to the names and operations listed here.
 
 A formula becomes a program for a stack machine: names and numbers push an array, an operation takes its arguments from
-the top of the stack and pushes its result. An operation is a function of numpy, by its name: `evaluate.py` runs the
-program, and only that module needs numpy. A formula cannot reach Python: it has no attributes, indices, strings or
-assignments, and no names beyond the tables below. It is not compiled by Python, whose compiler takes the tree of a sum
-of 900 terms and not of 1,000, fewer the deeper the caller is.
+the top of the stack and pushes its result. An operation is a function of numpy, by its name (`evaluate`, which alone
+needs numpy). A formula cannot reach Python: it has no attributes, indices, strings or assignments, and no names beyond
+the tables below. It is not compiled by Python, whose compiler takes a sum of 900 terms and not of 1,000.
 """
 
 from __future__ import annotations
 
 import ast
+import operator
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lacmesh.errors import did_you_mean
 from lacsolver.case.errors import Mistake
@@ -91,9 +92,16 @@ def parse_formula(text: str) -> Formula:
     >>> sorted(parse_formula("25 * sin(pi * x) if t < 1 else 0").variables)
     ['t', 'x']
     """
-    program = tuple(_program(_tree(text)))
-    _check_powers(program)
-    return Formula(text, program)
+    steps: list[Step] = []
+    waiting: list[ast.expr | Step] = [_tree(text)]  # without recursion, since a sum of a thousand terms is deep
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Step):
+            steps.append(node)
+        else:
+            waiting.extend(reversed(_expand(node)))
+    _check_powers(steps)
+    return Formula(text, tuple(steps))
 
 
 def _tree(text: str) -> ast.expr:
@@ -110,19 +118,6 @@ def _tree(text: str) -> ast.expr:
     except (SyntaxError, ValueError) as error:
         said = getattr(error, "msg", None) or str(error)
         raise Mistake(f"is no formula of x, y, z, t: {_short(text)} ({said})") from None
-
-
-def _program(tree: ast.expr) -> list[Step]:
-    """Return the steps of a tree in postfix order; without recursion, since a sum of a thousand terms is deep."""
-    steps: list[Step] = []
-    waiting: list[ast.expr | Step] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Step):
-            steps.append(node)
-        else:
-            waiting.extend(reversed(_expand(node)))
-    return steps
 
 
 def _expand(node: ast.expr) -> list[ast.expr | Step]:
@@ -160,27 +155,21 @@ def _number(value: object) -> Step:
     return Step("number", 0, number)
 
 
-def _check_powers(program: tuple[Step, ...]) -> None:
+def _check_powers(program: Sequence[Step]) -> None:
     """Raise Mistake for a power of numbers that is too large, as 9**9**9**9."""
     stack: list[float | None] = []  # None: what is no number before the formula is evaluated
     for step in program:
         first = len(stack) - step.takes
-        arguments, result = stack[first:], None
-        if step.operation == "number":
-            result = step.number
-        elif step.operation == "power":
-            result = _power(*arguments)
+        arguments, result = stack[first:], step.number if step.operation == "number" else None
+        if step.operation == "power" and None not in arguments:
+            try:
+                power: Any = operator.pow(*arguments)
+            except ZeroDivisionError:
+                power = None
+            except OverflowError:
+                raise Mistake("has a power of numbers in its formula that is too large") from None
+            result = power if isinstance(power, float) else None
         stack[first:] = [result]
-
-
-def _power(a: float | None, b: float | None) -> float | None:
-    try:
-        result = None if a is None or b is None else a**b
-    except ZeroDivisionError:
-        return None
-    except OverflowError:
-        raise Mistake("has a power of numbers in its formula that is too large") from None
-    return result if isinstance(result, float) else None
 
 
 def _name(name: str) -> Step:
@@ -194,8 +183,7 @@ def _name(name: str) -> Step:
 
 
 def _suggest(name: str) -> str:
-    known = [*VARIABLES, *CONSTANTS, *FUNCTIONS]
-    near = did_you_mean(name, known)
+    near = did_you_mean(name, [*VARIABLES, *CONSTANTS, *FUNCTIONS])
     return near if "did you mean" in near else "; it may use x, y, z, t, pi and functions as sin, sqrt, where"
 
 

@@ -23,8 +23,6 @@ MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric")
 PLANE = MODELS[1:]
 #: kinematics of a key or an option that is valid for all kinematics
 ANY = "any"
-#: what the tables of keys say of a key that a file must have
-REQUIRED = "required"
 
 
 class Needs(NamedTuple):
@@ -182,20 +180,17 @@ def section(record: Any, default: Any = None) -> Any:
 
 def keys_of(record: Any) -> dict[str, Key]:
     """Return the keys of a record, by name, in the order of the table."""
-    keys: dict[str, Key] = record.KEYS
-    return keys
+    return record.KEYS
 
 
 def defaults_of(record: Any) -> dict[str, Any]:
     """Return the defaults of a record's keys; MISSING for required keys."""
-    defaults: dict[str, Any] = record.DEFAULTS
-    return defaults
+    return record.DEFAULTS
 
 
 def sections_of(case: Any) -> dict[str, Any]:
     """Return the record of each section of a case, by the section's name."""
-    sections: dict[str, Any] = case.SECTIONS
-    return sections
+    return case.SECTIONS
 
 
 def table_of(fields: dict[str, FieldInfo]) -> tuple[dict[str, Key], dict[str, Any], dict[str, Any]]:
@@ -206,15 +201,10 @@ def table_of(fields: dict[str, FieldInfo]) -> tuple[dict[str, Key], dict[str, An
     return keys, defaults, {name: kind.record for name, kind in kinds.items()}
 
 
-def is_required(key: Key, default: Any) -> bool:
-    """True if a file must have the key; Python may give the mesh of a case elsewhere."""
-    return default is MISSING or (key.default_words == REQUIRED and not key.unless)
-
-
 def told_default(key: Key, default: Any) -> str:
     """Return the default as it is written in a file, or its description."""
     if default is MISSING:
-        return REQUIRED
+        return "required"
     if key.default_words:
         return key.default_words
     if default is None:

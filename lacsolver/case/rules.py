@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import inf, sqrt
 from pathlib import Path
 from shlex import quote
@@ -225,13 +225,13 @@ def _sectors(case: Case) -> Iterator[Issue]:
 
 def _round_axes(case: Case) -> Iterator[Issue]:
     """Check that no axes are cylindrical where components are Cartesian, or cylindrical already."""
-    reasons = [
+    reasons: list[tuple[Sequence[Any], str]] = [
         (case.coupling, "; the point of a coupling takes Cartesian ones"),
         ([one for one in case.spring if one.to is not None], "; a spring between two nodes takes Cartesian ones"),
     ]
     if case.model == "axisymmetric":
-        records = (*case.displacement, *case.force, *case.spring)
-        reasons += [(records, ", as ux and uy of an axisymmetric model are; leave them out")]
+        turned = (*case.displacement, *case.force, *case.spring)
+        reasons += [(turned, ", as ux and uy of an axisymmetric model are; leave them out")]
     for records, reason in reasons:
         for record in records:
             if record.axes is not None and "axis" in record.axes:
