@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import MISSING, FrozenInstanceError, make_dataclass, replace
+from inspect import Parameter, Signature, get_annotations
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -79,6 +80,7 @@ class Entry(Described, BaseModel):
         # `dataclasses.replace` and `fields` look at the fields of a dataclass
         shadow: Any = make_dataclass(cls.__name__, list(cls.model_fields), init=False, repr=False, eq=False)
         cls.__dataclass_fields__ = shadow.__dataclass_fields__
+        cls.__signature__ = _signature(cls)
         if header is not None:
             meaning = " ".join((cls.__doc__ or "").split("\n\n")[0].split()).removeprefix(f"{header}: ").rstrip(".")
             cls.SECTION = Section(header.strip("[]"), header.startswith("[["), meaning, **rules)
@@ -257,6 +259,15 @@ class Entry(Described, BaseModel):
         formulas = [v.source for v in values_in(value) if isinstance(v.source, Formula)]
         if model in PLANE and any("z" in formula.variables for formula in formulas):
             yield self.wrong(f"uses z, which the model {model} does not have", name)
+
+
+def _signature(record: type[Entry]) -> Signature:
+    """Return the signature of a record: its keys and sections, with their types as they are written."""
+    types = {name: one for base in reversed(record.__mro__) for name, one in get_annotations(base).items()}
+    fields = {name: one for name, one in record.model_fields.items() if name in {*record.KEYS, *record.SECTIONS}}
+    defaults = {name: Parameter.empty if one.is_required() else one.default for name, one in fields.items()}
+    kind = Parameter.KEYWORD_ONLY
+    return Signature([Parameter(name, kind, default=defaults[name], annotation=types[name]) for name in fields])
 
 
 def _named(stored: Any, subject: str) -> Any:

@@ -154,6 +154,50 @@ def test_one_mistake(text, said):
     assert error.value.status == 1 and error.value.path == "press.toml"
 
 
+SEVERAL = """mesh = "a.msh"
+modle = "3d"
+[[material]]
+young = -1.0
+poison = 0.3
+[[contact]]
+slave = "a"
+friktion = 0.2
+clearance = "sine(x)"
+[[contact]]
+slave = "a"
+master = "a"
+place = "here"
+[steps]
+count = 0
+"""
+TOGETHER = """mesh = "a.msh"
+model = "3d"
+material = [{ young = 1.0, poisson = 0.3 }]
+[[contact]]
+slave = "a"
+[[contact]]
+slave = "a"
+master = "a"
+"""
+
+
+def test_all_mistakes_of_keys_come_at_once_and_rules_between_them_when_keys_are_right():
+    with pytest.raises(CaseError) as error:
+        parse_case(SEVERAL, "press.toml")
+    lines = [problem.line for problem in error.value.problems]
+    assert lines == [None, 2, 4, 5, 8, 9, 13, 15], str(error.value)
+    assert "contact.place is no key of [[contact]]" in str(error.value)
+    with pytest.raises(CaseError) as error:
+        parse_case(TOGETHER, "press.toml")
+    said = [(problem.line, problem.message.split(";")[0]) for problem in error.value.problems]
+    assert said == [
+        (4, "[[contact]] needs master or surfaces"),
+        (7, "contact.slave is 'a', the slave of an earlier one"),
+        (7, "contact.slave calls it 'a', as an earlier one is"),
+        (8, "contact.master is 'a', the slave itself"),
+    ]
+
+
 NO_TOML = [
     ("mesh = ", "line 1: Invalid value (the file ends)"),
     ('mesh = "a"\nmodel = "3d\n', "line 2: Illegal character '\\n' (column 12)"),
