@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.errors import EvaluationError, Mistake
-from lacsolver.case.formula import Formula, parse_formula
+from lacsolver.case.formula import Formula, evaluate, parse_formula
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
@@ -96,8 +96,6 @@ class Value:
         import numpy as np
 
         if isinstance(self.source, Formula):
-            from lacsolver.case.evaluate import evaluate
-
             place = dict(zip("xyz", points.T, strict=False))
             return evaluate(self.source, {"z": 0.0, **place, "t": t})
         assert callable(self.source)

@@ -36,8 +36,7 @@ from lacsolver.case import (
     parse_case,
 )
 from lacsolver.case.errors import Mistake
-from lacsolver.case.evaluate import evaluate
-from lacsolver.case.formula import CONSTANTS, FUNCTIONS, LONGEST, OPERATORS, VARIABLES, parse_formula
+from lacsolver.case.formula import CONSTANTS, FUNCTIONS, LONGEST, OPERATORS, VARIABLES, evaluate, parse_formula
 from tests.problems import PROBLEMS, case_of
 
 # ---- formulas
