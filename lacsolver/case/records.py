@@ -40,7 +40,6 @@ from lacsolver.case.value_kinds import (
     VALUE,
     VALUE_OF_TIME,
     VECTOR_OF_TIME,
-    not_negative,
     varying,
 )
 
@@ -175,7 +174,7 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
         }, added=CONTACT_LAWS), "", "contact condition", "unilateral",
     )  # fmt: skip
     stiffness: As[Value | None, ValueLike | None] = key(
-        not_negative(positive=True, place=False), "stress / length",
+        varying(least="> 0", place=False), "stress / length",
         "pressure per overlap, for soft contact, not ramped", None, "rigid: no overlap",
         needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
@@ -235,17 +234,15 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
         None, "none are moved",
     )  # fmt: skip
     friction: As[Value, ValueLike] = key(
-        not_negative(infinite=True),
-        "",
-        "coefficient of friction, not ramped; inf: rough, nothing slides",
-        Value(0.0),
-        "0.0",
-    )
+        varying(least=">= 0", infinite=True), "", "coefficient of friction, not ramped; inf: rough, nothing slides",
+        Value(0.0), "0.0",
+    )  # fmt: skip
     cohesion: As[Value, ValueLike] = key(
-        not_negative(), "stress", "friction without pressure, while in contact; alone: Tresca's law", Value(0.0), "0.0"
-    )
+        varying(least=">= 0"), "stress", "friction without pressure, while in contact; alone: Tresca's law",
+        Value(0.0), "0.0",
+    )  # fmt: skip
     shear_limit: As[Value | None, ValueLike | None] = key(
-        not_negative(positive=True), "stress", "most that friction carries (Orowan's law)", None, "none"
+        varying(least="> 0"), "stress", "most that friction carries (Orowan's law)", None, "none"
     )
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 
 from lacsolver.case.errors import Mistake
 from lacsolver.case.formula import Formula
-from lacsolver.case.kinds import POSITIVE, Kind, Schema, numbers, schema_of, several
+from lacsolver.case.kinds import POSITIVE, Kind, numbers, schema_of, several
 from lacsolver.case.value import Value, plain, value_from
 
 Rows = tuple[tuple[float, float], ...]
@@ -27,51 +27,36 @@ def _increasing(times: tuple[float, ...]) -> tuple[float, ...]:
 TIMES = replace(several(POSITIVE, "a list of increasing times > 0", 1), after=_increasing)
 
 
-def _value_schema(number: Schema) -> Schema:
-    """Return the JSON Schema of a value whose numbers have one."""
-    row = {"type": "array", "items": [{"type": "number"}, number], "minItems": 2, "maxItems": 2}
-    return {"anyOf": [number, {"type": "string", "minLength": 1}, {"type": "array", "items": row, "minItems": 1}]}
-
-
-def varying(*, place: bool = True, normals: bool = False) -> Kind:
+def varying(*, place: bool = True, normals: bool = False, least: str = "", infinite: bool = False) -> Kind:
     """A number, a formula, a table of times, or a function.
 
-    `place`: True if it may depend on x, y, z; `normals`: True if a function takes normals too.
+    `place`: True if it may depend on x, y, z; `normals`: True if a function takes normals too; `least`: `>= 0` or `> 0`
+    for numbers that are not negative, or positive; `infinite`: True if the number may be `inf`.
     """
 
     def read(given: Any) -> Value:
+        stored = given.source if isinstance(given, Value) else given
+        if infinite and isinstance(stored, float) and stored == inf:
+            return Value(inf)
         source = value_from(given)
         if not place and isinstance(source, Formula) and source.variables & {"x", "y", "z"}:
             raise Mistake("depends on x, y or z; it is one value for a whole body, so write a formula of t")
+        numbers = [v for _, v in source] if isinstance(source, tuple) else [source]
+        low = [v for v in numbers if isinstance(v, (int, float)) and (v < 0 or (least == "> 0" and v == 0))]
+        if least and low:
+            raise Mistake(f"is {low[0]:g}; it must be {least}")
         value = given if isinstance(given, Value) else Value(source)
         return replace(value, takes_normals=normals and callable(source), placeless=not place)
 
-    return Kind("a value" if place else "a value of time", before=read, schema=_value_schema({"type": "number"}))
+    words = f"a value{'' if place else ' of time'} {least}".rstrip() + (", or inf" if infinite else "")
+    number = {"type": "number", **{"> 0": {"exclusiveMinimum": 0}, ">= 0": {"minimum": 0}}.get(least, {})}
+    row = {"type": "array", "items": [{"type": "number"}, number], "minItems": 2, "maxItems": 2}
+    schema = {"anyOf": [number, {"type": "string", "minLength": 1}, {"type": "array", "items": row, "minItems": 1}]}
+    return Kind(words, before=read, schema=schema)
 
 
 VALUE = varying()
 VALUE_OF_TIME = varying(place=False)
-
-
-def not_negative(*, positive: bool = False, infinite: bool = False, place: bool = True) -> Kind:
-    """A value that is never negative; `positive`: nor 0; `infinite`: it may be `inf`; `place`: as in `varying`."""
-    least = "> 0" if positive else ">= 0"
-    kind = VALUE if place else VALUE_OF_TIME
-
-    def read(given: Any) -> Value:
-        source = given.source if isinstance(given, Value) else given
-        if infinite and isinstance(source, float) and source == inf:
-            return Value(inf)
-        value = kind.before(given)
-        numbers = [v for _, v in value.source] if isinstance(value.source, tuple) else [value.source]
-        low = [v for v in numbers if isinstance(v, (int, float)) and (v < 0 or (positive and v == 0))]
-        if low:
-            raise Mistake(f"is {low[0]:g}; it must be {least}")
-        return value
-
-    words = f"{kind.words} {least}" + (", or inf" if infinite else "")
-    number = {"type": "number", "exclusiveMinimum" if positive else "minimum": 0}
-    return Kind(words, before=read, schema=_value_schema(number))
 
 
 _WEIGHT_ROWS = several(numbers(2), "a formula of x, y, z, or a list [[node, weight], ...]", 1)
