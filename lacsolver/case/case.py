@@ -23,7 +23,7 @@ from lacsolver.case.kinds import (
     POSITIVE,
     THICKNESS,
     UNITS,
-    Choice,
+    choice,
     number,
     numbers,
     text,
@@ -83,7 +83,7 @@ class Dynamics(Entry, header="[dynamics]"):
     """
 
     scheme: str = key(
-        Choice({
+        choice({
             "hht": "Hilber, Hughes and Taylor, second order, damps the highest frequencies",
             "newmark": "Newmark's method; without damping if beta = 1/4, gamma = 1/2",
         }), "", "time scheme", "hht",
@@ -95,7 +95,7 @@ class Dynamics(Entry, header="[dynamics]"):
         NOT_NEGATIVE, "time", "time from which inertia acts; static equilibrium before, as under a preload", 0.0
     )
     massless: str = key(
-        Choice({
+        choice({
             "skins": "slave and master skins, and the nodes that the cut made",
             "slave": "slave skins, and the nodes that the cut made",
             "internal": "the internal nodes of the macro-elements",
@@ -103,7 +103,7 @@ class Dynamics(Entry, header="[dynamics]"):
         }), "", "nodes without mass, whose mass goes to their neighbours", "skins",
     )  # fmt: skip
     mass: str = key(
-        Choice({
+        choice({
             "consistent": "by the shape functions of displacements",
             "lumped": "diagonal (Hinton, Rock and Zienkiewicz)",
         }), "", "mass matrix of the cells", "consistent",
@@ -171,14 +171,14 @@ class Solver(Entry, header="[solver]"):
     """[solver]: solution of the equations."""
 
     engine: str = key(
-        Choice({
+        choice({
             "auto": "that of the backend; else petsc in several processes of mpiexec, and serial in one",
             "serial": "one process",
             "petsc": "PETSc, in any number of processes of mpiexec",
         }), "", "program part that solves", "auto",
     )  # fmt: skip
     backend: str = key(
-        Choice({
+        choice({
             "auto": "the best one installed, by the size of the model",
             "rslab": "direct",
             "pardiso": "direct",
@@ -199,7 +199,7 @@ class Solver(Entry, header="[solver]"):
     )
     max_iterations: int = key(whole(1), "", "per attempt; a damped second attempt precedes cutback", 50)
     tangent: str = key(
-        Choice({"consistent": "exact derivative", "symmetric": "without the derivatives of normal and measure"}), "",
+        choice({"consistent": "exact derivative", "symmetric": "without the derivatives of normal and measure"}), "",
         "tangent matrix of Newton's method", "consistent",
     )  # fmt: skip
 
@@ -222,7 +222,7 @@ class Output(Entry, header="[output]", not_both=(("every", "times"),)):
     (0.5, 1.0)
     """
 
-    format: str = key(Choice({"vtu": "for ParaView", "med": "for Salome"}), "", "file format of the fields", "vtu")
+    format: str = key(choice({"vtu": "for ParaView", "med": "for Salome"}), "", "file format of the fields", "vtu")
     every: int | None = key(
         whole(1), "", "write the fields of every k-th step, and of the last one", None,
         "1; with [dynamics] what gives about a hundred",
@@ -253,7 +253,7 @@ class Case(Entry, header=""):
         MESH_FILE, "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", None, "required"
     )
     model: str = key(
-        Choice({
+        choice({
             "3d": "three dimensions",
             "plane_strain": "no strain normal to the plane",
             "plane_stress": "no stress normal to the plane",
@@ -265,7 +265,7 @@ class Case(Entry, header=""):
         "1.0", models=("plane_strain", "plane_stress"),
     )  # fmt: skip
     kinematics: str = key(
-        Choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
+        choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
         "", "size of the displacements", "small",
     )  # fmt: skip
     material: As[tuple[Material, ...], Material | Sequence[Material]] = section(Material)

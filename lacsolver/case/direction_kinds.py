@@ -14,9 +14,9 @@ from lacsolver.case.kinds import (
     GROUP,
     NUMBER,
     POINT,
-    Choice,
     Kind,
     Schema,
+    choice,
     items,
     numbers,
     other_dimension,
@@ -93,7 +93,7 @@ LOCAL_AXES = Kind(
     misfit=_axes_misfit,
 )  # fmt: skip
 
-_COMPONENT = Choice({"ux": "along x", "uy": "along y", "uz": "along z"})
+_COMPONENT = choice({"ux": "along x", "uy": "along y", "uz": "along z"})
 _OUT_OF_PLANE = "has uz, which a plane model does not have"
 
 
@@ -110,7 +110,7 @@ COMPONENTS = Kind(
     misfit=lambda names, dim: _OUT_OF_PLANE if dim == 2 and "uz" in names else "",
 )  # fmt: skip
 
-GROUP_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
+GROUP_KIND = choice({"cell": "a group of cells", "node": "a group of nodes"})
 _ONE_PLACE: Schema = {"oneOf": [{"required": [name]} for name in ("node", "group", "at")]}
 
 

@@ -29,7 +29,7 @@ from lacmesh.facts import Described
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.formula import Formula
 from lacsolver.case.keys import ANY, PLANE, Key, Section, hidden, table_of
-from lacsolver.case.kinds import Choice, Schema
+from lacsolver.case.kinds import Schema
 from lacsolver.case.lines import KeyPath, Lines
 from lacsolver.case.value import Value, values_in, with_values
 
@@ -221,8 +221,7 @@ class Entry(Described, BaseModel):
             needs = self.KEYS[name].needs
             if needs is None:
                 continue
-            kind = self.KEYS[needs.key].kind
-            added = kind.added if needs.added and isinstance(kind, Choice) else ()
+            added = self.KEYS[needs.key].kind.added if needs.added else ()
             if getattr(self, needs.key) not in (*needs.values, *added):
                 wanted = " or ".join(f'{needs.key} = "{value}"' for value in needs.values)
                 yield self.wrong(f"means something only with {wanted}; leave it out, or say that", name)
@@ -241,10 +240,8 @@ class Entry(Described, BaseModel):
         if key.kinematics not in (ANY, kinematics) and given:
             only = f'kinematics = "{key.kinematics}"'
             yield self.wrong(f"means something only with {only}; leave it out, or say that", name)
-        if not isinstance(key.kind, Choice):
-            return
         value, needs = getattr(self, name), key.kind.kinematics
-        if needs.get(value, kinematics) != kinematics:
+        if needs and needs.get(value, kinematics) != kinematics:
             fitting = [word for word in key.kind.options if needs.get(word, kinematics) == kinematics]
             message = f'is "{value}", which needs kinematics = "{needs[value]}"; with "{kinematics}" it is one of'
             yield self.wrong(f"{message} {', '.join(fitting)}", name)

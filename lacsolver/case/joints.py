@@ -9,7 +9,7 @@ from typing import Any
 from lacsolver.case.direction_kinds import COMPONENTS, GROUP_KIND, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Values, hidden, key
-from lacsolver.case.kinds import FLAG, GROUP, NOT_NEGATIVE, POINT, Choice, Kind, numbers, text, whole
+from lacsolver.case.kinds import FLAG, GROUP, NOT_NEGATIVE, POINT, Kind, choice, numbers, text, whole
 from lacsolver.case.records import KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
 from lacsolver.case.value import Value
 from lacsolver.case.value_kinds import ROTATION, VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
@@ -90,7 +90,7 @@ class Coupling(
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
     group: str = key(GROUP, "", "the nodes, of a group of cells or of nodes")
     kind: str = key(
-        Choice({
+        choice({
             "distributing": "loads are spread by weights; the point moves as the mean of the nodes",
             "rigid": "the nodes move with the point as one rigid body",
         }), "", "how nodes and point are coupled", "distributing",

@@ -16,7 +16,7 @@ from pydantic import Field, GetCoreSchemaHandler, ValidationInfo
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticOmit, core_schema
 
-from lacsolver.case.kinds import Choice, Kind, Schema
+from lacsolver.case.kinds import Kind, Schema
 from lacsolver.case.value import Value, ValueLike
 
 MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric")
@@ -71,7 +71,7 @@ class Key(NamedTuple):
     `unless`: another key, without which this one is required.
     """
 
-    kind: Kind | Choice
+    kind: Kind
     unit: str
     meaning: str
     load: bool = False
@@ -95,7 +95,7 @@ class Key(NamedTuple):
         schema["description"] = f"{self.text}; unit: {self.unit}" if self.unit else self.text
 
 
-def key(kind: Kind | Choice, unit: str, meaning: str, default: Any = ..., default_words: str = "", **rest: Any) -> Any:
+def key(kind: Kind, unit: str, meaning: str, default: Any = ..., default_words: str = "", **rest: Any) -> Any:
     """Return a field that is a key; without a default it is required. `rest`: other columns of Key."""
     return _field(default, kind, Key(kind, unit, meaning, default_words=default_words, **rest))
 

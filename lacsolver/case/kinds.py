@@ -25,10 +25,32 @@ if TYPE_CHECKING:
 Schema = dict[str, Any]
 
 
-class _Read:
-    """Base of the types: what pydantic asks of them, and `read` for a value without a record."""
+@dataclass(frozen=True)
+class Kind:
+    """Type of the values of a key.
 
-    is_group = False
+    `words`: short description, `a number > 0`. `type`: what pydantic makes of the value that `before` returns; `after`
+    takes what it made. Both raise Mistake. `schema`: JSON Schema, where that of `type` does not describe the values.
+    `misfit` returns what is wrong with a value in a model of 2 or 3 dimensions, "" if nothing is. `is_group`: the
+    values name groups. `options`: the words that may be chosen, with the meaning of each; `kinematics`: the only ones
+    that a word is for; `added`: words that a program may have added, see `case.added`.
+    """
+
+    words: str
+    type: Any = Any
+    before: Callable[[Any], Any] = plain
+    after: Callable[[Any], Any] = lambda value: value
+    schema: Schema | None = None
+    misfit: Callable[[Any, int], str] = lambda value, dim: ""
+    is_group: bool = False
+    options: Mapping[str, str] = field(default_factory=dict)
+    kinematics: Mapping[str, str] = field(default_factory=dict)
+    added: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """The words that may be chosen."""
+        return (*self.options, *self.added)
 
     @cached_property
     def _adapter(self) -> TypeAdapter[Any]:
@@ -41,30 +63,11 @@ class _Read:
         except ValidationError as error:
             raise error.errors()[0]["ctx"]["error"] from None
 
-
-@dataclass(frozen=True)
-class Kind(_Read):
-    """Type of the values of a key.
-
-    `words`: short description, `a number > 0`. `type`: what pydantic makes of the value that `before` returns; `after`
-    takes what it made. Both raise Mistake. `schema`: JSON Schema, where that of `type` does not describe the values.
-    `misfit` returns what is wrong with a value in a model of 2 or 3 dimensions, "" if nothing is. `is_group`: the
-    values name groups.
-    """
-
-    words: str
-    type: Any = Any
-    before: Callable[[Any], Any] = plain
-    after: Callable[[Any], Any] = lambda value: value
-    schema: Schema | None = None
-    misfit: Callable[[Any, int], str] = lambda value, dim: ""
-    is_group: bool = False
-
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_wrap_validator_function(self._made, handler.generate_schema(self.type))
 
     def __get_pydantic_json_schema__(self, core: core_schema.CoreSchema, handler: Callable[[Any], Schema]) -> Schema:
-        return self.schema or handler(core)
+        return {"type": "string", "enum": list(self.known)} if self.options else self.schema or handler(core)
 
     def _made(self, given: Any, make: Callable[[Any], Any]) -> Any:
         given = self.before(given)
@@ -104,44 +107,21 @@ def _of_pydantic(one: ErrorDetails, words: str) -> Mistake:
     return Mistake(f"is {described(one['input'])}; it takes {words}")
 
 
-@dataclass(frozen=True)
-class Choice(_Read):
-    """Type of a key that takes one word of several: `options` has the meaning of each.
+def choice(
+    options: Mapping[str, str], kinematics: Mapping[str, str] | None = None, added: Mapping[str, Any] | None = None
+) -> Kind:
+    """One word of several."""
+    added = {} if added is None else added
 
-    `kinematics`: the only ones that a word is for, by word. `added`: words that a program may have added, see
-    `case.added`.
-    """
-
-    options: Mapping[str, str]
-    kinematics: Mapping[str, str] = field(default_factory=dict)
-    added: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def known(self) -> tuple[str, ...]:
-        """The words that may be chosen."""
-        return (*self.options, *self.added)
-
-    @property
-    def words(self) -> str:
-        """The words that may be chosen, as one text."""
-        return ", ".join(self.known)
-
-    def misfit(self, value: str, dim: int) -> str:
-        """Return "": words are the same in all models."""
-        return ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self._chosen)
-
-    def __get_pydantic_json_schema__(self, core: core_schema.CoreSchema, handler: Callable[[Any], Schema]) -> Schema:
-        return {"type": "string", "enum": list(self.known)}
-
-    def _chosen(self, given: Any) -> str:
+    def read(given: Any) -> str:
+        known = (*options, *added)
         if not isinstance(given, str):
-            raise Mistake(f"is {described(given)}; it takes one of {self.words}")
-        if given not in self.known:
-            raise Mistake(f'is "{given[:40]}"{did_you_mean(given, self.known)}')
+            raise Mistake(f"is {described(given)}; it takes one of {', '.join(known)}")
+        if given not in known:
+            raise Mistake(f'is "{given[:40]}"{did_you_mean(given, known)}')
         return given
+
+    return Kind(", ".join(options), str, read, options=options, kinematics=kinematics or {}, added=added)
 
 
 def number(low: float | None = None, high: float | None = None, *, open: bool = True) -> Kind:

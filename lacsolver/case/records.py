@@ -25,8 +25,8 @@ from lacsolver.case.kinds import (
     POINT,
     POSITIVE,
     TWO_GROUPS,
-    Choice,
     Kind,
+    choice,
     number,
     numbers,
     one_or_three,
@@ -68,7 +68,7 @@ class Material(Entry, header="[[material]]"):
 
     groups: Groups = key(GROUPS, "", "groups of cells made of it", None, "the whole mesh")
     law: str = key(
-        Choice({
+        choice({
             "elastic": "linear, isotropic",
             "orthotropic": "linear, three axes of symmetry",
             "saint_venant_kirchhoff": "linear in the Green-Lagrange strain",
@@ -114,11 +114,11 @@ class Material(Entry, header="[[material]]"):
     )
 
 
-_HEXA = Choice(
+_HEXA = choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_MACRO = Choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
-_NORMALS = Choice(
+_MACRO = choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
+_NORMALS = choice(
     {
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
         "smoothed": "averaged at the nodes and interpolated",
@@ -126,7 +126,7 @@ _NORMALS = Choice(
         "slave": "as facet, over a plane master too",
     }
 )
-_SURFACE = Choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
+_SURFACE = choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
 
 
 class PairEntry(Entry):
@@ -168,7 +168,7 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
     """
 
     type: str = key(
-        Choice({
+        choice({
             "unilateral": "contact that can open",
             "bilateral": "always closed, pressures of either sign",
         }, added=CONTACT_LAWS), "", "contact condition", "unilateral",
@@ -179,7 +179,7 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
         needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
     law: str = key(
-        Choice({
+        choice({
             "linear": "rigid, or with stiffness times the overlap",
             "exponential": "pressure that grows exponentially as surfaces come near",
             "table": "pressure against overlap, by a table",
@@ -208,17 +208,17 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
     )
     normals: str = key(_NORMALS, "", "direction of contact", "facet")
     geometry: str = key(
-        Choice({
+        choice({
             "reference": "undeformed configuration, paired once",
             "current": "deformed configuration, updated during iterations",
         }), "", "configuration in which the surfaces are paired", None, '"reference" if small, "current" if finite',
     )  # fmt: skip
     measure: str = key(
-        Choice({"reference": "the undeformed area: nominal pressure", "current": "the deformed area: true pressure"}),
+        choice({"reference": "the undeformed area: nominal pressure", "current": "the deformed area: true pressure"}),
         "", "area to which pressures refer", "reference",
     )  # fmt: skip
     initial: str = key(
-        Choice({"gap": "closed where bodies overlap", "all": "closed", "none": "open"}), "",
+        choice({"gap": "closed where bodies overlap", "all": "closed", "none": "open"}), "",
         "contact status at the start", "gap", needs=Needs("type", ("unilateral",), added=True),
     )  # fmt: skip
     max_penetration: float | None = key(

@@ -11,7 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from lacsolver.case.case import Case
 from lacsolver.case.formula import CONSTANTS, FUNCTIONS, VARIABLES
 from lacsolver.case.keys import Key, Section, defaults_of, keys_of, sections_of, told_default
-from lacsolver.case.kinds import Choice, Schema
+from lacsolver.case.kinds import Schema
 
 _WIDE = 118
 
@@ -40,17 +40,16 @@ def _section_text(record: Any) -> Iterator[str]:
     yield f"{section.header}  {section.meaning}" if section.name else "# the top of the file"
     for name, key in keys_of(record).items():
         default = told_default(key, defaults_of(record)[name])
-        words = "one of these" if isinstance(key.kind, Choice) else key.kind.words
+        words = "one of these" if key.kind.options else key.kind.words
         takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
         without = default if default == "required" else f"default {default}" if default else "optional"
         yield textwrap.fill(
             f"{key.text}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
         )
-        if isinstance(key.kind, Choice):
-            for word, meaning in key.kind.options.items():
-                kinematics = key.kind.kinematics.get(word)
-                only = f" (kinematics: {kinematics})" if kinematics else ""
-                yield f"{'':27}{word}: {meaning}{only}"
+        for word, meaning in key.kind.options.items():
+            kinematics = key.kind.kinematics.get(word)
+            only = f" (kinematics: {kinematics})" if kinematics else ""
+            yield f"{'':27}{word}: {meaning}{only}"
     yield from (f"  {rule}" for rule in _rules(section))
 
 
@@ -119,7 +118,7 @@ def _key_table(record: Any) -> Iterator[str]:
 
 
 def _takes(key: Key, words: str) -> str:
-    if not isinstance(key.kind, Choice):
+    if not key.kind.options:
         return words
     only = key.kind.kinematics
     return "<br>".join(
