@@ -1,9 +1,8 @@
 """The case: description of the problem to solve, as a record that is filled from a TOML file or from Python.
 
-    lines, document = the TOML text and the lines of its keys                         (lines, read)
-    case = records of the sections, values converted by the table of keys             (keys, kinds, value, entry)
-    mistakes = those of each record, and combinations that are not allowed            (entry, rules)
-    all mistakes are reported at once, with their lines; else the records are final   (read, case)
+    lines, document = the TOML text and the lines of its keys                          (lines, read)
+    case = records of the sections, models of pydantic, by the table of keys           (keys, kinds, value, entry)
+    mistakes = those of all keys at once; if there are none, what keys show together   (read, entry, rules)
 
 The rows of the table also give the schemas and the page of docs (schema). numpy is loaded when a value is evaluated.
 """
