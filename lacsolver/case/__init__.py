@@ -11,7 +11,7 @@ from lacsolver.case.case import Case, Dynamics, Initial, Output, Probe, Solver, 
 from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
-from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension
+from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension, Spring
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
@@ -22,7 +22,6 @@ from lacsolver.case.records import (
     Material,
     Pressure,
     Rigid,
-    Spring,
     Temperature,
     Tie,
     Traction,

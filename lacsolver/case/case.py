@@ -13,7 +13,7 @@ from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import Issue
-from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension
+from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension, Spring
 from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Values, hidden, key, section
 from lacsolver.case.kinds import (
     GROUPS,
@@ -43,7 +43,6 @@ from lacsolver.case.records import (
     Material,
     Pressure,
     Rigid,
-    Spring,
     Temperature,
     Tie,
     Traction,

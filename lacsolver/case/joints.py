@@ -1,4 +1,4 @@
-"""Records of the table of keys that join nodes: equations, couplings, sides of sectors, and sections of bolts."""
+"""Records of the table of keys that join nodes: equations, couplings, sectors, sections of bolts, and springs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,18 @@ from typing import Any
 from lacsolver.case.direction_kinds import COMPONENTS, GROUP_KIND, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Values, hidden, key
-from lacsolver.case.kinds import FLAG, GROUP, NOT_NEGATIVE, POINT, Kind, choice, numbers, text, whole
-from lacsolver.case.records import KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
+from lacsolver.case.kinds import FLAG, GROUP, NOT_NEGATIVE, POINT, POSITIVE, Kind, choice, numbers, text, whole
+from lacsolver.case.records import (
+    KIND_BY_DEFAULT,
+    NOT_KIND_OF_AT,
+    PLANAR,
+    SPACE,
+    WHERE,
+    AtNodes,
+    LocalAxes,
+    Tie,
+    in_axes,
+)
 from lacsolver.case.value import Value
 from lacsolver.case.value_kinds import ROTATION, VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
 
@@ -149,3 +159,29 @@ class Pretension(Entry, header="[[pretension]]", one_of=(("force", "shortening")
     lock: float | None = key(
         NOT_NEGATIVE, "time", "time from which the shortening stays as it is, whatever the force becomes", None, "never"
     )
+
+
+class Spring(
+    AtNodes, header="[[spring]]", one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
+    not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
+):  # fmt: skip
+    """[[spring]]: springs from nodes to the ground, or from one to another (axisymmetric: of the full circle).
+
+    >>> Spring(group="top", ky=5.0)
+    Spring(group='top', ky=5.0)
+    >>> Spring(group="eye", to="hook", k=5.0)
+    Spring(group='eye', to='hook', k=5.0)
+    """
+
+    to: str | None = key(
+        GROUP, "", "group of one node at the other end, of the kind `kind`; group then has one node, too", None,
+        "the ground",
+    )  # fmt: skip
+    k: float | None = key(
+        POSITIVE, "force / length", "stiffness along the line to the other node; with kinematics = finite the line "
+        "turns with its nodes", None,
+    )  # fmt: skip
+    kx: float | None = key(POSITIVE, "force / length", "stiffness along x; between two nodes, of the difference", None)
+    ky: float | None = key(POSITIVE, "force / length", "stiffness along y, as kx", None)
+    kz: float | None = key(POSITIVE, "force / length", "stiffness along z, as kx", None, models=SPACE)
+    axes: LocalAxes = in_axes("kx, ky, kz")

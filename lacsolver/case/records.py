@@ -286,7 +286,8 @@ def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, kind: Kind 
 LocalAxes = As[Mapping[str, Any] | None, Mapping[str, Any] | None]
 
 
-def _in_axes(names: str) -> Any:
+def in_axes(names: str) -> Any:
+    """Return a key for local axes of components."""
     what = f"local axes of {names}: x, y, z, or where cylindrical r, theta, z, at each node's undeformed place"
     return key(LOCAL_AXES, "", what, None, "those of the mesh")
 
@@ -304,7 +305,7 @@ class Displacement(
     ux: Load = _load("length", "along x (the radius where axisymmetric)")
     uy: Load = _load("length", "along y")
     uz: Load = _load("length", "along z", SPACE)
-    axes: LocalAxes = _in_axes("ux, uy, uz")
+    axes: LocalAxes = in_axes("ux, uy, uz")
     un: Load = _load("length", "along the outward normal of the group's faces")
     begin: float | None = key(
         POSITIVE, "time", "time up to which the nodes are free; then they are held where they are, and move as the "
@@ -354,7 +355,7 @@ class Force(
     fx: Load = _load("force", "along x")
     fy: Load = _load("force", "along y")
     fz: Load = _load("force", "along z", SPACE)
-    axes: LocalAxes = _in_axes("fx, fy, fz")
+    axes: LocalAxes = in_axes("fx, fy, fz")
     moment: Values = _load(
         "force × length", "moment of the whole group about its mean, spread by area; with total = true", PLANAR,
         VECTOR_OF_TIME,
@@ -400,32 +401,6 @@ class Temperature(Entry, header="[[temperature]]"):
     value: As[Value, ValueLike] = key(
         VALUE, "temperature", "a number is ramped from the material's reference_temperature", load=True
     )
-
-
-class Spring(
-    AtNodes, header="[[spring]]", one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
-    not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
-):  # fmt: skip
-    """[[spring]]: springs from nodes to the ground, or from one to another (axisymmetric: of the full circle).
-
-    >>> Spring(group="top", ky=5.0)
-    Spring(group='top', ky=5.0)
-    >>> Spring(group="eye", to="hook", k=5.0)
-    Spring(group='eye', to='hook', k=5.0)
-    """
-
-    to: str | None = key(
-        GROUP, "", "group of one node at the other end, of the kind `kind`; group then has one node, too", None,
-        "the ground",
-    )  # fmt: skip
-    k: float | None = key(
-        POSITIVE, "force / length", "stiffness along the line to the other node; with kinematics = finite the line "
-        "turns with its nodes", None,
-    )  # fmt: skip
-    kx: float | None = key(POSITIVE, "force / length", "stiffness along x; between two nodes, of the difference", None)
-    ky: float | None = key(POSITIVE, "force / length", "stiffness along y, as kx", None)
-    kz: float | None = key(POSITIVE, "force / length", "stiffness along z, as kx", None, models=SPACE)
-    axes: LocalAxes = _in_axes("kx, ky, kz")
 
 
 class Rigid(Entry, header="[[rigid]]", not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz"))):
