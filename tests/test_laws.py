@@ -18,7 +18,6 @@ import lacsolver as ls
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.case import Case, Solver, read_case
 from lacsolver.case.keys import defaults_of, keys_of, sections_of
-from lacsolver.case.kinds import Choice
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -211,9 +210,8 @@ def keys():
         for key, row in keys_of(record).items():
             if (section, key) not in ELSEWHERE:
                 yield section, key
-                options = row.kind.options if isinstance(row.kind, Choice) else ()
                 settled = {defaults[key], SETTLED.get(key)}
-                yield from ((section, key, option) for option in options if option not in settled)
+                yield from ((section, key, option) for option in row.kind.options if option not in settled)
 
 
 def without(name, section, key, option=None):

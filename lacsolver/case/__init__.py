@@ -1,20 +1,17 @@
 """The case: description of the problem to solve, as a record that is filled from a TOML file or from Python.
 
-    lines, document = the TOML text and the lines of its keys                         (lines, read)
-    case = records of the sections, values converted by the table of keys             (keys, kinds, value, entry)
-    mistakes = those of each record, and combinations that are not allowed            (entry, rules)
-    all mistakes are reported at once, with their lines; else the records are final   (read, case)
+    lines, document = the TOML text and the lines of its keys                          (lines, read)
+    case = records of the sections, models of pydantic, by the table of keys           (keys, kinds, value, entry)
+    mistakes = those of all keys at once; if there are none, what keys show together   (read, entry, rules)
 
 The rows of the table also give the schemas and the page of docs (schema). numpy is loaded when a value is evaluated.
 """
 
-from lacsolver.case.case import Case, Output, Probe, Solver, Steps
+from lacsolver.case.case import Case, Dynamics, Initial, Output, Probe, Solver, Steps
 from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
-from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
-from lacsolver.case.joints import Coupling, Cyclic, Equation
-from lacsolver.case.pretension import Pretension
+from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension, Spring
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
@@ -25,7 +22,6 @@ from lacsolver.case.records import (
     Material,
     Pressure,
     Rigid,
-    Spring,
     Temperature,
     Tie,
     Traction,

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from os import PathLike
 from os.path import relpath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
-from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.entry import Entry
-from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.joints import Coupling, Cyclic, Equation
-from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
-from lacsolver.case.kinds import MESH_FILE, POSITIVE, THICKNESS, UNITS, Choice, number, text, whole
-from lacsolver.case.pretension import Pretension
+from lacsolver.case.errors import Issue
+from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension, Spring
+from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Values, hidden, key, section
+from lacsolver.case.kinds import (
+    GROUPS,
+    MESH_FILE,
+    NOT_NEGATIVE,
+    POINT,
+    POSITIVE,
+    THICKNESS,
+    UNITS,
+    choice,
+    number,
+    numbers,
+    text,
+    whole,
+)
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
+    PLANAR,
+    SPACE,
     WHERE,
     AtNodes,
     BodyForce,
@@ -30,7 +43,6 @@ from lacsolver.case.records import (
     Material,
     Pressure,
     Rigid,
-    Spring,
     Temperature,
     Tie,
     Traction,
@@ -38,42 +50,103 @@ from lacsolver.case.records import (
 from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.toml import section_text
 from lacsolver.case.value import Value, with_values
-from lacsolver.case.value_kinds import TIMES
+from lacsolver.case.value_kinds import TIMES, VALUE, VECTOR_OF_TIME
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh, MeshLike
+else:  # pydantic looks at the names of types, and reading a case needs no numpy
+    Mesh = MeshLike = Any
 
 #: fields that are written of a motion, if [output] does not tell
 _OUTPUTS = 100
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Probe(AtNodes):
-    """[[probe]]: a displacement that is recorded after every step.
+class Probe(AtNodes, header="[[probe]]", one_of=WHERE, not_both=NOT_KIND_OF_AT, named_after="group"):
+    """[[probe]]: displacement kept step by step: the mean over the nodes of a group, or of one node.
 
     >>> Probe(group="top").name
     'top'
     """
 
-    SECTION: ClassVar = Section(
-        "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
-        one_of=WHERE, not_both=NOT_KIND_OF_AT, named_after="group",
-    )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Steps(Entry):
-    """[steps]: the steps from time 0 to the end. A step that does not converge is halved.
+_HHT, _NEWMARK = Needs("scheme", ("hht",)), Needs("scheme", ("newmark",))
+
+
+class Dynamics(Entry, header="[dynamics]"):
+    """[dynamics]: motion with inertia; without this section all steps are in static equilibrium.
+
+    >>> Dynamics(scheme="newmark").beta
+    0.25
+    """
+
+    scheme: str = key(
+        choice({
+            "hht": "Hilber, Hughes and Taylor, second order, damps the highest frequencies",
+            "newmark": "Newmark's method; without damping if beta = 1/4, gamma = 1/2",
+        }), "", "time scheme", "hht",
+    )  # fmt: skip
+    alpha: float = key(number(0, 1 / 3, open=False), "", "numerical damping; 0 is Newmark's method", 0.02, needs=_HHT)
+    beta: float = key(NOT_NEGATIVE, "", "weight of the acceleration in displacements", 0.25, needs=_NEWMARK)
+    gamma: float = key(NOT_NEGATIVE, "", "weight of the acceleration in velocities", 0.5, needs=_NEWMARK)
+    start: float = key(
+        NOT_NEGATIVE, "time", "time from which inertia acts; static equilibrium before, as under a preload", 0.0
+    )
+    massless: str = key(
+        choice({
+            "skins": "slave and master skins, and the nodes that the cut made",
+            "slave": "slave skins, and the nodes that the cut made",
+            "internal": "the internal nodes of the macro-elements",
+            "none": "no nodes: pressures oscillate, and energy is created at impacts",
+        }), "", "nodes without mass, whose mass goes to their neighbours", "skins",
+    )  # fmt: skip
+    mass: str = key(
+        choice({
+            "consistent": "by the shape functions of displacements",
+            "lumped": "diagonal (Hinton, Rock and Zienkiewicz)",
+        }), "", "mass matrix of the cells", "consistent",
+    )  # fmt: skip
+    rayleigh: As[tuple[float, float], Sequence[float]] = key(
+        numbers(2, NOT_NEGATIVE), "1 / time, time",
+        "[a, b] of the damping matrix a M + b K, with K of the undeformed bodies", (0.0, 0.0), "[0.0, 0.0]",
+    )  # fmt: skip
+
+
+def _initial(unit: str, meaning: str, models: tuple[str, ...] = MODELS) -> Any:
+    return key(VALUE, unit, meaning, None, models=models)
+
+
+class Initial(Entry, header="[[initial]]", some_of=(("vx", "vy", "vz", "rotation", "ux", "uy", "uz"),)):
+    """[[initial]]: velocity and displacement at the start of [dynamics]; later sections replace what earlier ones give.
+
+    >>> Initial(groups=["ball"], vy=-3.0)
+    Initial(groups=('ball',), vy=-3.0)
+    """
+
+    groups: Groups = key(GROUPS, "", "groups of cells that move so", None, "the whole mesh")
+    vx: Load = _initial("length / time", "velocity along x")
+    vy: Load = _initial("length / time", "velocity along y")
+    vz: Load = _initial("length / time", "velocity along z", SPACE)
+    rotation: Values = key(
+        VECTOR_OF_TIME, "radian / time",
+        "angular velocity about the centre, added to vx, vy, vz; one number in a plane", None, models=PLANAR,
+    )  # fmt: skip
+    centre: Numbers = key(
+        POINT, "length", "centre of the rotation", None, "the mean of the groups' nodes", models=PLANAR
+    )
+    ux: Load = _initial("length", "displacement along x")
+    uy: Load = _initial("length", "displacement along y")
+    uz: Load = _initial("length", "displacement along z", SPACE)
+
+
+class Steps(Entry, header="[steps]", not_both=(("end", "times"), ("count", "times"))):
+    """[steps]: times, from 0 on; a step that does not converge is halved.
 
     >>> Steps(count=4).planned
     (0.25, 0.5, 0.75, 1.0)
     """
 
-    SECTION: ClassVar = Section(
-        "steps", False, "times, from 0 on; a step that does not converge is halved",
-        not_both=(("end", "times"), ("count", "times")),
-    )  # fmt: skip
     end: float = key(POSITIVE, "time", "end of the analysis; numbers given as loads reach their value then", 1.0)
     count: int = key(whole(1), "", "number of equal steps", 1)
     times: Numbers = key(TIMES, "time", "instead of end and count: the times at which steps end", None)
@@ -93,20 +166,18 @@ class Steps(Entry):
         return self.times[-1] if self.times else self.end
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Solver(Entry):
-    """[solver]: engine, linear solver, tolerance, iterations and tangent."""
+class Solver(Entry, header="[solver]"):
+    """[solver]: solution of the equations."""
 
-    SECTION: ClassVar = Section("solver", False, "solution of the equations")
     engine: str = key(
-        Choice({
+        choice({
             "auto": "that of the backend; else petsc in several processes of mpiexec, and serial in one",
             "serial": "one process",
             "petsc": "PETSc, in any number of processes of mpiexec",
         }), "", "program part that solves", "auto",
     )  # fmt: skip
     backend: str = key(
-        Choice({
+        choice({
             "auto": "the best one installed, by the size of the model",
             "rslab": "direct",
             "pardiso": "direct",
@@ -127,7 +198,7 @@ class Solver(Entry):
     )
     max_iterations: int = key(whole(1), "", "per attempt; a damped second attempt precedes cutback", 50)
     tangent: str = key(
-        Choice({"consistent": "exact derivative", "symmetric": "without the derivatives of normal and measure"}), "",
+        choice({"consistent": "exact derivative", "symmetric": "without the derivatives of normal and measure"}), "",
         "tangent matrix of Newton's method", "consistent",
     )  # fmt: skip
 
@@ -143,16 +214,14 @@ class Solver(Entry):
         return owners[0] if len(owners) == 1 else "petsc" if n_ranks > 1 else "serial"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Output(Entry):
-    """[output]: format of the fields, and steps or times at which they are written.
+class Output(Entry, header="[output]", not_both=(("every", "times"),)):
+    """[output]: fields to be written.
 
     >>> Output(format="med", times=(0.5, 1)).times
     (0.5, 1.0)
     """
 
-    SECTION: ClassVar = Section("output", False, "fields to be written", not_both=(("every", "times"),))
-    format: str = key(Choice({"vtu": "for ParaView", "med": "for Salome"}), "", "file format of the fields", "vtu")
+    format: str = key(choice({"vtu": "for ParaView", "med": "for Salome"}), "", "file format of the fields", "vtu")
     every: int | None = key(
         whole(1), "", "write the fields of every k-th step, and of the last one", None,
         "1; with [dynamics] what gives about a hundred",
@@ -165,12 +234,12 @@ class Output(Entry):
     )
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Case(Entry):
-    """The whole problem to solve. It is checked when it is made; raises CaseError with every mistake.
+class Case(Entry, header=""):
+    """The problem to solve.
 
-    Plain numbers of loads are ramped up to `steps.last`, with [dynamics] up to its start. The default of a contact's
-    `geometry` depends on the kinematics. `path`: the file that the case was read from.
+    It is checked when it is made; raises CaseError with every mistake. Plain numbers of loads are ramped up to
+    `steps.last`, with [dynamics] up to its start. The default of a contact's `geometry` depends on the kinematics.
+    `path`: the file that the case was read from.
 
     >>> from lacsolver.case import Displacement, Material, Pressure
     >>> load = Pressure(group="top", value=25)
@@ -179,12 +248,11 @@ class Case(Entry):
     'small'
     """
 
-    SECTION: ClassVar = Section("", False, "the problem to solve")
     mesh: As[Path | Mesh | None, MeshLike | None] = key(
         MESH_FILE, "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", None, "required"
     )
     model: str = key(
-        Choice({
+        choice({
             "3d": "three dimensions",
             "plane_strain": "no strain normal to the plane",
             "plane_stress": "no stress normal to the plane",
@@ -196,7 +264,7 @@ class Case(Entry):
         "1.0", models=("plane_strain", "plane_stress"),
     )  # fmt: skip
     kinematics: str = key(
-        Choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
+        choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
         "", "size of the displacements", "small",
     )  # fmt: skip
     material: As[tuple[Material, ...], Material | Sequence[Material]] = section(Material)
@@ -221,16 +289,12 @@ class Case(Entry):
     steps: Steps = section(Steps, Steps())
     solver: Solver = section(Solver, Solver())
     output: Output = section(Output, Output())
-    path: Path | None = field(default=None, repr=False, compare=False)
+    path: Path | None = hidden(None)
 
-    def __post_init__(self) -> None:
-        """Check the whole case, then set the values that depend on it. Raises CaseError, TypeError."""
-        super().__post_init__()
-        for name, record in sections_of(Case).items():
-            self._set(name, _records(name, record, getattr(self, name)))
-        if mistakes := check(self):
-            raise CaseError([Issue(mistake.message) for mistake in mistakes], self.path)
-        self.settle()
+    def mistakes(self) -> Iterator[Issue]:
+        """Yield the mistakes of the keys at the top, and those that only the case as a whole shows."""
+        yield from super().mistakes()
+        yield from check(self)
 
     def before(self, key: str) -> str:
         """Return the subject of a message about a key of the top: its place in the file, if there is one, and name."""
@@ -297,7 +361,7 @@ class Case(Entry):
     def _facts(self) -> dict[str, str]:
         facts = {"model": f"{self.model}, {self.kinematics} displacements"}
         facts["mesh"] = "in memory" if self.mesh is not None and not isinstance(self.mesh, Path) else str(self.mesh)
-        for name in sections_of(Case):
+        for name in self.SECTIONS:
             records = getattr(self, name)
             if isinstance(records, tuple) and records:
                 facts[name] = listed(map(_named, records))
@@ -308,14 +372,14 @@ class Case(Entry):
 
     def settle(self) -> None:
         """Set the values of records that depend on the whole case."""
-        for name in sections_of(Case):
+        for name in self.SECTIONS:
             one = getattr(self, name)
             done = tuple(_settled(r, self) for r in one) if isinstance(one, tuple) else one and _settled(one, self)
             self._set(name, done)
 
     def records(self) -> Iterator[tuple[tuple[str | int, ...], Entry]]:
         """Yield every record of the sections with its path: `("contact", 0)`, `("steps",)`."""
-        for name in sections_of(Case):
+        for name in self.SECTIONS:
             one = getattr(self, name)
             if isinstance(one, tuple):
                 yield from (((name, k), record) for k, record in enumerate(one))
@@ -332,22 +396,10 @@ def _named(record: Any) -> str:
     return "the whole mesh"
 
 
-def _records(name: str, record: type[Entry], given: Any) -> Any:
-    """Return the records of a section as a tuple of them, or as a single one. Raises TypeError."""
-    several = record.SECTION.several
-    if not several and given is None:
-        return None if name in ("gravity", "dynamics") else record()
-    items = tuple(given) if several and isinstance(given, (list, tuple)) else (given,)
-    if not all(isinstance(item, record) for item in items):
-        what = f"a list of {record.__name__} records" if several else f"a {record.__name__} record"
-        raise TypeError(f"{name} is {what}, not {given!r}")
-    return items if several else given
-
-
 def _settled(record: Any, case: Case) -> Any:
     """Return the record with the values that depend on the whole case: ramps, default of a contact's geometry."""
     changes: dict[str, Any] = {}
-    for name, row in keys_of(type(record)).items():
+    for name, row in record.KEYS.items():
         if row.load:
             changes[name] = with_values(getattr(record, name), lambda v: _ramped(v, record, case))
     if isinstance(record, Contact) and record.geometry is None:

@@ -37,7 +37,7 @@ def fingerprint(case: Case, mesh: Mesh, share: Share | None = None) -> dict[str,
         if path[0] not in FREE:
             parts.setdefault(str(path[0]), []).append(record.told())
     digests = {name: _digest(json.dumps(_plain(part), sort_keys=True).encode()) for name, part in parts.items()}
-    from lacsolver.case.mesh_digest import mesh_digest  # with numpy, which reading a case does not need
+    from lacsolver.distributed.mesh_digest import mesh_digest  # with numpy, which reading a case does not need
 
     mesh_print = mesh_digest(_groups(case), mesh) if share is None else mesh_digest(_groups(case), mesh, share)
     return {"mesh": mesh_print, **digests}
@@ -48,7 +48,7 @@ def fingerprint_as(before: Mapping[str, str], prints: Mapping[str, str], case: C
 
     The older digest is that of the mesh, or the part of a mesh, that a process has.
     """
-    from lacsolver.case.mesh_digest import BY_ROWS, older_mesh_digest
+    from lacsolver.distributed.mesh_digest import BY_ROWS, older_mesh_digest
 
     if before.get("mesh", "").startswith(BY_ROWS):
         return prints

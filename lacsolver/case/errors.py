@@ -49,8 +49,11 @@ class EvaluationError(LacmeshError):
     """
 
 
-class Mistake(Exception):  # noqa: N818 (never leaves this package: it becomes a Problem)
-    """A value that its key does not take: the end of a sentence, and the position of the fault inside the value."""
+class Mistake(ValueError):  # noqa: N818 (never leaves this package: it becomes an Issue)
+    """A value that its key does not take: the end of a sentence, and the position of the fault inside the value.
+
+    It is a ValueError, which pydantic collects.
+    """
 
     def __init__(self, message: str, inside: tuple[int | str, ...] = ()) -> None:
         super().__init__(message)

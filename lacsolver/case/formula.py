@@ -1,21 +1,26 @@
 """Formulas of x, y, z, t in Python's grammar, restricted to the names and operations listed here.
 
 A formula becomes a program for a stack machine: names and numbers push an array, an operation takes its arguments from
-the top of the stack and pushes its result. An operation is a function of numpy, by its name: `evaluate.py` runs the
-program, and only that module needs numpy. A formula cannot reach Python: it has no attributes, indices, strings or
-assignments, and no names beyond the tables below. It is not compiled by Python, whose compiler takes the tree of a sum
-of 900 terms and not of 1,000, fewer the deeper the caller is.
+the top of the stack and pushes its result. An operation is a function of numpy, by its name (`evaluate`, which alone
+needs numpy). A formula cannot reach Python: it has no attributes, indices, strings or assignments, and no names beyond
+the tables below. It is not compiled by Python, whose compiler takes a sum of 900 terms and not of 1,000.
 """
 
 from __future__ import annotations
 
 import ast
+import operator
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import reduce
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lacmesh.errors import did_you_mean
 from lacsolver.case.errors import Mistake
+
+if TYPE_CHECKING:
+    from lacmesh.mesh import Floats
 
 VARIABLES = {"x": "place (the radius r where axisymmetric)", "y": "place", "z": "place (3d only)", "t": "time"}
 CONSTANTS = {"pi": 3.141592653589793}
@@ -91,9 +96,16 @@ def parse_formula(text: str) -> Formula:
     >>> sorted(parse_formula("25 * sin(pi * x) if t < 1 else 0").variables)
     ['t', 'x']
     """
-    program = tuple(_program(_tree(text)))
-    _check_powers(program)
-    return Formula(text, program)
+    steps: list[Step] = []
+    waiting: list[ast.expr | Step] = [_tree(text)]  # without recursion, since a sum of a thousand terms is deep
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Step):
+            steps.append(node)
+        else:
+            waiting.extend(reversed(_expand(node)))
+    _check_powers(steps)
+    return Formula(text, tuple(steps))
 
 
 def _tree(text: str) -> ast.expr:
@@ -110,19 +122,6 @@ def _tree(text: str) -> ast.expr:
     except (SyntaxError, ValueError) as error:
         said = getattr(error, "msg", None) or str(error)
         raise Mistake(f"is no formula of x, y, z, t: {_short(text)} ({said})") from None
-
-
-def _program(tree: ast.expr) -> list[Step]:
-    """Return the steps of a tree in postfix order; without recursion, since a sum of a thousand terms is deep."""
-    steps: list[Step] = []
-    waiting: list[ast.expr | Step] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Step):
-            steps.append(node)
-        else:
-            waiting.extend(reversed(_expand(node)))
-    return steps
 
 
 def _expand(node: ast.expr) -> list[ast.expr | Step]:
@@ -160,27 +159,21 @@ def _number(value: object) -> Step:
     return Step("number", 0, number)
 
 
-def _check_powers(program: tuple[Step, ...]) -> None:
+def _check_powers(program: Sequence[Step]) -> None:
     """Raise Mistake for a power of numbers that is too large, as 9**9**9**9."""
     stack: list[float | None] = []  # None: what is no number before the formula is evaluated
     for step in program:
         first = len(stack) - step.takes
-        arguments, result = stack[first:], None
-        if step.operation == "number":
-            result = step.number
-        elif step.operation == "power":
-            result = _power(*arguments)
+        arguments, result = stack[first:], step.number if step.operation == "number" else None
+        if step.operation == "power" and None not in arguments:
+            try:
+                power: Any = operator.pow(*arguments)
+            except ZeroDivisionError:
+                power = None
+            except OverflowError:
+                raise Mistake("has a power of numbers in its formula that is too large") from None
+            result = power if isinstance(power, float) else None
         stack[first:] = [result]
-
-
-def _power(a: float | None, b: float | None) -> float | None:
-    try:
-        result = None if a is None or b is None else a**b
-    except ZeroDivisionError:
-        return None
-    except OverflowError:
-        raise Mistake("has a power of numbers in its formula that is too large") from None
-    return result if isinstance(result, float) else None
 
 
 def _name(name: str) -> Step:
@@ -194,8 +187,7 @@ def _name(name: str) -> Step:
 
 
 def _suggest(name: str) -> str:
-    known = [*VARIABLES, *CONSTANTS, *FUNCTIONS]
-    near = did_you_mean(name, known)
+    near = did_you_mean(name, [*VARIABLES, *CONSTANTS, *FUNCTIONS])
     return near if "did you mean" in near else "; it may use x, y, z, t, pi and functions as sin, sqrt, where"
 
 
@@ -238,3 +230,47 @@ def _refusal(node: ast.AST) -> str:
 
 def _short(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def evaluate(formula: Formula, variables: Mapping[str, Any]) -> Floats:
+    """Return the value of a formula, not finite where it is undefined.
+
+    `variables`: x, y, z, t as floats or arrays of one shape. Everything is a real number: true is 1, false is 0. Every
+    operation on NaN (0/0, the root of -1) gives NaN, comparisons included, so that undefined values cannot go
+    unnoticed; only `where` may drop them, with the branch that is not taken.
+    """
+    import numpy as np  # reading a case needs none
+
+    stack: list[Any] = []
+    with np.errstate(all="ignore"):
+        for step in formula.program:
+            if step.operation == "number":
+                stack.append(step.number)
+            elif step.operation in variables:
+                stack.append(np.asarray(variables[step.operation], dtype=float))
+            else:
+                first = len(stack) - step.takes
+                stack[first:] = [_apply(step.operation, stack[first:])]
+    (result,) = stack
+    return np.asarray(result, dtype=float)
+
+
+def _apply(operation: str, arguments: list[Any]) -> Any:
+    """Return the result of an operation, NaN where an argument is: numpy's pow(nan, 0) is 1, and nan < 1 is false."""
+    import numpy as np
+
+    if operation == "where":
+        test, yes, no = arguments
+        result, arguments = np.where(np.asarray(test, bool), yes, no), [test]
+    elif operation == "power" and type(arguments[1]) is float and arguments[1]:
+        return np.asarray(arguments[0]) ** arguments[1]  # fast for plain numbers, of which only 0 hides NaN
+    elif " " in operation:  # a < b < c
+        pairs = zip(operation.split(), arguments, arguments[1:], strict=False)
+        result = reduce(np.logical_and, (getattr(np, name)(a, b) for name, a, b in pairs))
+    else:
+        function = getattr(np, operation)
+        result = function(*arguments) if len(arguments) <= function.nin else reduce(function, arguments)
+    if result.dtype != bool and operation not in ("where", "power", "hypot"):
+        return result
+    undefined = [where for where in map(np.isnan, arguments) if where.any()]
+    return np.where(reduce(np.logical_or, undefined), np.nan, result) if undefined else result.astype(float)

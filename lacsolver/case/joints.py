@@ -1,33 +1,40 @@
-"""Records of the table of keys that join nodes: equations, couplings of nodes and points, sides of sectors."""
+"""Records of the table of keys that join nodes: equations, couplings, sectors, sections of bolts, and springs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any
 
-from lacsolver.case.direction_kinds import COMPONENTS, LOCAL_AXES, TERMS
+from lacsolver.case.direction_kinds import COMPONENTS, GROUP_KIND, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
-from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Section, Values, key
-from lacsolver.case.kinds import FLAG, GROUP, POINT, Choice, Kind, numbers, text, whole
-from lacsolver.case.records import GROUP_KIND, KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
+from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Values, hidden, key
+from lacsolver.case.kinds import FLAG, GROUP, NOT_NEGATIVE, POINT, POSITIVE, Kind, choice, numbers, text, whole
+from lacsolver.case.records import (
+    KIND_BY_DEFAULT,
+    NOT_KIND_OF_AT,
+    PLANAR,
+    SPACE,
+    WHERE,
+    AtNodes,
+    LocalAxes,
+    Tie,
+    in_axes,
+)
 from lacsolver.case.value import Value
 from lacsolver.case.value_kinds import ROTATION, VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Equation(Entry):
-    """[[equation]]: a sum of displacements that has a value, or displacements that all nodes of a group share.
+class Equation(
+    Entry, header="[[equation]]", one_of=(("terms", "same"),),
+    not_both=(("terms", "group"), ("terms", "kind"), ("same", "value")), named_after="group",
+):  # fmt: skip
+    """[[equation]]: a sum of displacements that has a value, or displacements that the nodes of a group share.
 
     >>> Equation(group="lid", same=["uy"]).name
     'lid'
     """
 
-    SECTION: ClassVar = Section(
-        "equation", True, "a sum of displacements that has a value, or displacements that the nodes of a group share",
-        one_of=(("terms", "same"),),
-        not_both=(("terms", "group"), ("terms", "kind"), ("same", "value")), named_after="group",
-    )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name, or equation and its number")
     terms: As[tuple[Mapping[str, Any], ...] | None, Sequence[Mapping[str, Any]] | None] = key(
         TERMS, "", "factors of displacements of nodes, by number, place or group of one node; their sum is the value",
@@ -43,27 +50,23 @@ class Equation(Entry):
     )
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Cyclic(Tie):
-    """[[cyclic]]: the sides of a sector, one of several that make a ring. A problem has a case with its `angle`.
+class Cyclic(Tie, header="[[cyclic]]", named_after="slave"):
+    """[[cyclic]]: the sides of a sector, which is repeated about an axis: displacements turn with it.
 
-    `matching`: True if the nodes of both sides match, so that they are joined node by node and not as a tie.
+    A problem has a case with its `angle`. `matching`: True if the nodes of both sides match, so that they are joined
+    node by node and not as a tie.
 
     >>> Cyclic(slave="left", master="right", sectors=12).name
     'left'
     """
 
-    SECTION: ClassVar = Section(
-        "cyclic", True, "the sides of a sector, which is repeated about an axis: displacements turn with it",
-        named_after="slave",
-    )  # fmt: skip
-    angle: float = field(default=0.0, repr=False, compare=False)
-    matching: bool = field(default=False, repr=False, compare=False)
-    surfaces: None = field(default=None, repr=False, compare=False)
-    search_distance: None = field(default=None, repr=False, compare=False)
-    coverage_threshold: float = field(default=1e-6, repr=False, compare=False)
-    surface: str = field(default="faces", repr=False, compare=False)
-    crease_angle: None = field(default=None, repr=False, compare=False)
+    angle: float = hidden(0.0)
+    matching: bool = hidden(False)
+    surfaces: None = hidden(None)
+    search_distance: None = hidden(None)
+    coverage_threshold: float = hidden(1e-6)
+    surface: str = hidden("faces")
+    crease_angle: None = hidden(None)
     slave: str = key(GROUP, "", "one side of the sector, which is cut where the meshes of the sides differ")
     master: str = key(GROUP, "", "the other side")
     sectors: int = key(whole(2), "", "number of sectors of the whole ring")
@@ -84,23 +87,20 @@ def _motion(unit: str, meaning: str, models: tuple[str, ...], kind: Kind = VALUE
     return key(kind, unit, meaning, None, "free", load=True, models=models)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Coupling(Entry):
-    """[[coupling]]: a point that moves with the nodes of a group, as their mean or rigidly.
+class Coupling(
+    Entry, header="[[coupling]]", not_both=_ONE_MOTION,
+    some_of=(("ux", "uy", "uz", "rotation", "fx", "fy", "fz", "moment"),), named_after="group",
+):  # fmt: skip
+    """[[coupling]]: a point with a force, a moment or a motion, which the nodes of a group take.
 
     >>> Coupling(group="flange", moment=[0, 0, 2.0]).name
     'flange'
     """
 
-    SECTION: ClassVar = Section(
-        "coupling", True, "a point with a force, a moment or a motion, which the nodes of a group take",
-        not_both=_ONE_MOTION,
-        some_of=(("ux", "uy", "uz", "rotation", "fx", "fy", "fz", "moment"),), named_after="group",
-    )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
     group: str = key(GROUP, "", "the nodes, of a group of cells or of nodes")
     kind: str = key(
-        Choice({
+        choice({
             "distributing": "loads are spread by weights; the point moves as the mean of the nodes",
             "rigid": "the nodes move with the point as one rigid body",
         }), "", "how nodes and point are coupled", "distributing",
@@ -129,3 +129,59 @@ class Coupling(Entry):
         "force × length", "moment vector; one number in a plane; beside rotation about the axes that it leaves free",
         PLANAR, VECTOR_OF_TIME,
     )  # fmt: skip
+
+
+#: a group that the mesh has itself, or whose two sides it has (`problem.sections`)
+_SECTION_GROUP = replace(GROUP, is_group=False)
+
+
+class Pretension(Entry, header="[[pretension]]", one_of=(("force", "shortening"),), named_after="group"):
+    """[[pretension]]: a section of a bolt, at which it is shortened by a force or by a length.
+
+    >>> Pretension(group="shank", force=40e3, lock=1.0).name
+    'shank'
+    """
+
+    name: str = key(text("a name"), "", "name in the results", None, "the group's name")
+    group: str = key(
+        _SECTION_GROUP, "", "faces inside the bolt, across all of it, where it is divided; or NAME of two skins NAME_a "
+        "and NAME_b, as lacmesh split makes them",
+    )  # fmt: skip
+    normal: Numbers = key(
+        POINT, "", "direction of the shortening, of any length and either sign", None, "the mean normal of the faces"
+    )
+    force: Load = key(
+        VALUE_OF_TIME, "force", "force that pulls the two sides together: the bolt's tension", None, load=True
+    )
+    shortening: Load = key(
+        VALUE_OF_TIME, "length", "length by which the bolt is shortened at the section", None, load=True
+    )
+    lock: float | None = key(
+        NOT_NEGATIVE, "time", "time from which the shortening stays as it is, whatever the force becomes", None, "never"
+    )
+
+
+class Spring(
+    AtNodes, header="[[spring]]", one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
+    not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
+):  # fmt: skip
+    """[[spring]]: springs from nodes to the ground, or from one to another (axisymmetric: of the full circle).
+
+    >>> Spring(group="top", ky=5.0)
+    Spring(group='top', ky=5.0)
+    >>> Spring(group="eye", to="hook", k=5.0)
+    Spring(group='eye', to='hook', k=5.0)
+    """
+
+    to: str | None = key(
+        GROUP, "", "group of one node at the other end, of the kind `kind`; group then has one node, too", None,
+        "the ground",
+    )  # fmt: skip
+    k: float | None = key(
+        POSITIVE, "force / length", "stiffness along the line to the other node; with kinematics = finite the line "
+        "turns with its nodes", None,
+    )  # fmt: skip
+    kx: float | None = key(POSITIVE, "force / length", "stiffness along x; between two nodes, of the difference", None)
+    ky: float | None = key(POSITIVE, "force / length", "stiffness along y, as kx", None)
+    kz: float | None = key(POSITIVE, "force / length", "stiffness along z, as kx", None, models=SPACE)
+    axes: LocalAxes = in_axes("kx, ky, kz")

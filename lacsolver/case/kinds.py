@@ -1,4 +1,4 @@
-"""Types of values that keys take: each reads a value from a file or from Python, and is described in words and JSON.
+"""Types of values that keys take: pydantic reads a value from a file or from Python, and each mistake has one sentence.
 
 Names in capitals are types; functions return the type for some limits, words or lengths.
 """
@@ -8,12 +8,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, GetCoreSchemaHandler, Strict, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails, core_schema
 
 from lacmesh.errors import did_you_mean
 from lacsolver.case.errors import Mistake
-from lacsolver.case.value import described, number_from
+from lacsolver.case.value import described, number_from, plain
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -25,105 +29,126 @@ Schema = dict[str, Any]
 class Kind:
     """Type of the values of a key.
 
-    `words`: short description, `a number > 0`. `schema`: description in JSON Schema. `read` returns the value to store
-    for a given one, or raises Mistake with the end of a sentence that begins with the key's name. `misfit` returns what
-    is wrong with a value in a model of 2 or 3 dimensions, "" if nothing is. `is_group`: the values name groups.
+    `words`: short description, `a number > 0`. `type`: what pydantic makes of the value that `before` returns; `after`
+    takes what it made. Both raise Mistake. `schema`: JSON Schema, where that of `type` does not describe the values.
+    `misfit` returns what is wrong with a value in a model of 2 or 3 dimensions, "" if nothing is. `is_group`: the
+    values name groups. `options`: the words that may be chosen, with the meaning of each; `kinematics`: the only ones
+    that a word is for; `added`: words that a program may have added, see `case.added`.
     """
 
     words: str
-    schema: Schema
-    read: Callable[[Any], Any]
+    type: Any = Any
+    before: Callable[[Any], Any] = plain
+    after: Callable[[Any], Any] = lambda value: value
+    schema: Schema | None = None
     misfit: Callable[[Any, int], str] = lambda value, dim: ""
     is_group: bool = False
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Type of a key that takes one word of several: `options` has the meaning of each.
-
-    `kinematics`: the only ones that a word is for, by word. `added`: words that a program may have added, see
-    `case.added`.
-    """
-
-    options: Mapping[str, str]
+    options: Mapping[str, str] = field(default_factory=dict)
     kinematics: Mapping[str, str] = field(default_factory=dict)
     added: Mapping[str, Any] = field(default_factory=dict)
-    is_group = False
 
     @property
     def known(self) -> tuple[str, ...]:
         """The words that may be chosen."""
         return (*self.options, *self.added)
 
-    @property
-    def words(self) -> str:
-        """The words that may be chosen, as one text."""
-        return ", ".join(self.known)
+    @cached_property
+    def _adapter(self) -> TypeAdapter[Any]:
+        return TypeAdapter(Annotated[Any, self])
 
-    @property
-    def schema(self) -> Schema:
-        """Description in JSON Schema."""
-        return {"type": "string", "enum": list(self.known)}
+    def read(self, given: Any) -> Any:
+        """Return the value to store for a given one. Raises Mistake: the end of a sentence after the key's name."""
+        try:
+            return self._adapter.validate_python(given)
+        except ValidationError as error:
+            raise error.errors()[0]["ctx"]["error"] from None
 
-    def read(self, given: Any) -> str:
-        """Return the word. Raises Mistake."""
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_wrap_validator_function(self._made, handler.generate_schema(self.type))
+
+    def __get_pydantic_json_schema__(self, core: core_schema.CoreSchema, handler: Callable[[Any], Schema]) -> Schema:
+        return {"type": "string", "enum": list(self.known)} if self.options else self.schema or handler(core)
+
+    def _made(self, given: Any, make: Callable[[Any], Any]) -> Any:
+        given = self.before(given)
+        try:
+            made = make(given)
+        except ValidationError as error:
+            raise self._mistake(error) from None
+        return self.after(made)
+
+    def _mistake(self, error: ValidationError) -> Mistake:
+        """Return the first mistake of pydantic in our words; an item is counted from 1, and its position kept."""
+        one = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
+        inside, takes = one["loc"], f"it takes {self.words}"
+        if one["type"] == "missing":
+            return Mistake(f"needs {inside[0]}; {takes}")
+        if one["type"] == "extra_forbidden":
+            return Mistake(f"has {inside[0]}{did_you_mean(str(inside[0]), self.type.__annotations__)}; {takes}", inside)
+        mistake = _of_pydantic(one, self.words)
+        if not inside:
+            return mistake
+        item = f"an item (number {inside[0] + 1}) that" if isinstance(inside[0], int) else f"{inside[0]}, which"
+        return Mistake(f"has {item} {mistake.message}", (inside[0], *mistake.inside))
+
+
+_LIMITS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+
+
+def _of_pydantic(one: ErrorDetails, words: str) -> Mistake:
+    """Return a mistake of a value that should be what the words say."""
+    if one["type"] == "value_error":
+        mistake: Mistake = one["ctx"]["error"]
+        return mistake
+    if one["type"] == "less_than" and isinstance(one["input"], int):
+        return Mistake(f"is a whole number too large to be meant; it must be below {one['ctx']['lt']}")
+    if one["type"] in _LIMITS:
+        return Mistake(f"is {described(one['input'])}; it must be {words.partition('number ')[2]}")
+    return Mistake(f"is {described(one['input'])}; it takes {words}")
+
+
+def choice(
+    options: Mapping[str, str], kinematics: Mapping[str, str] | None = None, added: Mapping[str, Any] | None = None
+) -> Kind:
+    """One word of several."""
+    added = {} if added is None else added
+
+    def read(given: Any) -> str:
+        known = (*options, *added)
         if not isinstance(given, str):
-            raise Mistake(f"is {described(given)}; it takes one of {self.words}")
-        if given not in self.known:
-            raise Mistake(f'is "{given[:40]}"{did_you_mean(given, self.known)}')
+            raise Mistake(f"is {described(given)}; it takes one of {', '.join(known)}")
+        if given not in known:
+            raise Mistake(f'is "{given[:40]}"{did_you_mean(given, known)}')
         return given
 
-    def misfit(self, value: str, dim: int) -> str:
-        """Return "": words are the same in all models."""
-        return ""
+    return Kind(", ".join(options), str, read, options=options, kinematics=kinematics or {}, added=added)
 
 
 def number(low: float | None = None, high: float | None = None, *, open: bool = True) -> Kind:
     """A finite number between limits, which are excluded if `open`."""
+    limits = Field(gt=low, lt=high) if open else Field(ge=low, le=high)
     less, more = ("<", ">") if open else ("<=", ">=")
-    least, most = ("exclusiveMinimum", "exclusiveMaximum") if open else ("minimum", "maximum")
-    limits = " and ".join(f"{sign} {end:g}" for sign, end in ((more, low), (less, high)) if end is not None)
-    schema = {name: end for name, end in ((least, low), (most, high)) if end is not None}
-
-    def read(given: Any) -> float:
-        value = number_from(given)
-        below = low is not None and (value <= low if open else value < low)
-        if below or (high is not None and (value >= high if open else value > high)):
-            raise Mistake(f"is {value:g}; it must be {limits}")
-        return value
-
-    return Kind(f"a number {limits}".strip(), {"type": "number", **schema}, read)
+    words = " and ".join(f"{sign} {end:g}" for sign, end in ((more, low), (less, high)) if end is not None)
+    return Kind(f"a number {words}".strip(), Annotated[float, limits], number_from)
 
 
 NUMBER = number()
 POSITIVE = number(low=0)
 NOT_NEGATIVE = number(low=0, open=False)
+FLAG = Kind("true or false", Annotated[bool, Strict()])
+TEXT = Annotated[str, Field(min_length=1)]
+
+
+def _whole(given: Any) -> int:
+    given = plain(given)
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise Mistake(f"is {described(given)}; it takes a whole number")
+    return given
 
 
 def whole(least: int) -> Kind:
     """A whole number from `least` on."""
-
-    def read(given: Any) -> int:
-        if isinstance(given, bool) or not isinstance(given, int):
-            raise Mistake(f"is {described(given)}; it takes a whole number")
-        if given < least:
-            raise Mistake(f"is {given}; it must be >= {least}")
-        if given >= 2**31:
-            raise Mistake("is a whole number too large to be meant; it must be below 2147483648")
-        return given
-
-    schema = {"type": "integer", "minimum": least, "exclusiveMaximum": 2**31}
-    return Kind(f"a whole number >= {least}", schema, read)
-
-
-def _flag(given: Any) -> bool:
-    if not isinstance(given, bool):
-        raise Mistake(f"is {described(given)}; it takes true or false")
-    return given
-
-
-FLAG = Kind("true or false", {"type": "boolean"}, _flag)
-TEXT: Schema = {"type": "string", "minLength": 1}
+    return Kind(f"a whole number >= {least}", Annotated[int, Field(ge=least, lt=2**31)], _whole)
 
 
 def text(what: str) -> Kind:
@@ -139,15 +164,16 @@ def text(what: str) -> Kind:
     return Kind(what, TEXT, read)
 
 
-def _units(given: Any) -> str:
-    names = [name.strip() for name in text(_UNITS).read(given).split(",")]
+def _units(given: str) -> str:
+    names = [name.strip() for name in given.split(",")]
     if len(names) not in (3, 4) or not all(names):
-        raise Mistake(f'is "{given[:40]}"; it takes {_UNITS}')
+        raise Mistake(f'is "{given[:40]}"; it takes {UNITS.words}')
     return ", ".join(names)
 
 
-_UNITS = 'names for force, length, stress and, if wanted, time, as "N, mm, MPa" or "N, mm, MPa, s"'
-UNITS = Kind(_UNITS, TEXT, _units)
+UNITS = replace(
+    text('names for force, length, stress and, if wanted, time, as "N, mm, MPa" or "N, mm, MPa, s"'), after=_units
+)
 
 
 def _mesh(given: Any) -> Path | Mesh:
@@ -158,63 +184,65 @@ def _mesh(given: Any) -> Path | Mesh:
 
 
 #: a path to a mesh, which `read_case` makes relative to the case's file; from Python also a mesh
-MESH_FILE = Kind("a path, relative to the case's file", TEXT, _mesh)
+MESH_FILE = Kind("a path, relative to the case's file", before=_mesh, schema={"type": "string", "minLength": 1})
 
-
-def each(read: Callable[[Any], Any], given: Sequence[Any]) -> tuple[Any, ...]:
-    """Read every item; a mistake names the item, counted from 1, and keeps its position."""
-    values = []
-    for k, item in enumerate(given):
-        try:
-            values.append(read(item))
-        except Mistake as mistake:
-            raise Mistake(f"has an item (number {k + 1}) that {mistake.message}", (k, *mistake.inside)) from None
-    return tuple(values)
+_GROUP_NAME = text("the name of a group")
 
 
 def _group(given: Any) -> str:
     if isinstance(given, int) and not isinstance(given, bool) and given >= 0:
         return str(whole(0).read(given))
-    return text("the name of a group").read(given)
+    return _GROUP_NAME.before(given)
 
 
-def _groups(given: Any) -> tuple[str, ...]:
+#: a group of the mesh, by name, or by tag in an msh file (`5`, `"2:5"`)
+GROUP = Kind(
+    "a group", str, _group, is_group=True,
+    schema={"anyOf": [{"type": "string", "minLength": 1}, {"type": "integer", "minimum": 0}]},
+)  # fmt: skip
+
+
+def items(item: Any, least: int = 0, most: int | None = None) -> Any:
+    """Return the type of `least` to `most` values of a kind."""
+    return Annotated[tuple[Annotated[Any, item], ...], Field(min_length=least, max_length=most)]
+
+
+def _list_of_groups(given: Any) -> Any:
     if not isinstance(given, (list, tuple)):
         example = f'["{given}"]' if isinstance(given, str) and given.isprintable() else '["a", "b"]'
         raise Mistake(f"is {described(given)}; it takes a list of groups, as {example}")
     if not given:
         raise Mistake("is an empty list; leave the key out where the whole mesh is meant")
-    names = each(_group, given)
+    return given
+
+
+def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(names)) < len(names):
         raise Mistake(f"names the group {next(n for n in names if names.count(n) > 1)!r} twice")
     return names
 
 
-def _two_groups(given: Any) -> tuple[str, ...]:
-    names = _groups(given)
-    if len(names) != 2:
+def _two_groups(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(_distinct(names)) != 2:
         raise Mistake(f'has {len(names)} groups; it takes two, as ["a", "b"]')
     return tuple(sorted(names))
 
 
-#: a group of the mesh, by name, or by tag in an msh file (`5`, `"2:5"`)
-GROUP = Kind("a group", {"anyOf": [TEXT, {"type": "integer", "minimum": 0}]}, _group, is_group=True)
-GROUPS = Kind("a list of groups", {"type": "array", "items": GROUP.schema, "minItems": 1}, _groups, is_group=True)
+GROUPS = Kind("a list of groups", items(GROUP, 1), _list_of_groups, _distinct, is_group=True)
 #: two groups, whose order does not count: they are read in that of the alphabet
-TWO_GROUPS = Kind("a list of two groups", {**GROUPS.schema, "minItems": 2, "maxItems": 2}, _two_groups, is_group=True)
-
-
-def _number_table(given: Any) -> dict[str, float]:
-    if not isinstance(given, Mapping) or not given:
-        raise Mistake(f"is {described(given)}; it takes {NUMBER_TABLE.words}")
-    return {str(name): number_from(value) for name, value in given.items()}
-
+TWO_GROUPS = replace(
+    GROUPS, words="a list of two groups", after=_two_groups,
+    schema={"type": "array", "items": GROUP.schema, "minItems": 2, "maxItems": 2},
+)  # fmt: skip
 
 NUMBER_TABLE = Kind(
-    "a table of numbers, { a = 1.0, b = 2.0 }",
-    {"type": "object", "additionalProperties": {"type": "number"}, "minProperties": 1},
-    _number_table,
+    "a table of numbers, { a = 1.0, b = 2.0 }", Annotated[dict[str, Annotated[Any, NUMBER]], Field(min_length=1)]
 )
+
+
+def schema_of(kind: Any) -> Schema:
+    """Return the JSON Schema of a type."""
+    return TypeAdapter(Annotated[Any, kind]).json_schema()
 
 
 def _thickness(given: Any) -> float | dict[str, float]:
@@ -231,36 +259,24 @@ def _thickness(given: Any) -> float | dict[str, float]:
     return out
 
 
+_ABOVE_0 = {"type": "number", "exclusiveMinimum": 0}
 #: a number, or a table of numbers by groups of cells
 THICKNESS = Kind(
-    "a number > 0, or { group = number, ... }",
-    {
-        "anyOf": [
-            POSITIVE.schema,
-            {"type": "object", "additionalProperties": POSITIVE.schema, "minProperties": 1},
-        ]
-    },
-    _thickness,
-    is_group=True,
-)
-
-
-def plain(given: Any) -> Any:
-    """Return an array of numpy as lists, anything else as it is."""
-    return given.tolist() if hasattr(given, "tolist") else given
+    "a number > 0, or { group = number, ... }", before=_thickness, is_group=True,
+    schema={"anyOf": [_ABOVE_0, {"type": "object", "additionalProperties": _ABOVE_0, "minProperties": 1}]},
+)  # fmt: skip
 
 
 def several(item: Kind, words: str, least: int, most: int | None = None) -> Kind:
     """A list of `least` to `most` values."""
 
-    def read(given: Any) -> tuple[Any, ...]:
+    def read(given: Any) -> Any:
         given = plain(given)
         if not isinstance(given, (list, tuple)) or not least <= len(given) <= (most or len(given)):
             raise Mistake(f"is {described(given)}; it takes {words}")
-        return each(item.read, given)
+        return given
 
-    ends = {"minItems": least} | ({"maxItems": most} if most else {})
-    return Kind(words, {"type": "array", "items": item.schema, **ends}, read)
+    return Kind(words, items(item, least, most), read)
 
 
 def numbers(how_many: int, item: Kind = NUMBER) -> Kind:
@@ -274,9 +290,10 @@ def one_or_three(item: Kind = NUMBER) -> Kind:
     three = several(item, f"{item.words}, or three", 3, 3)
 
     def read(given: Any) -> Any:
+        given = plain(given)
         return three.read(given) if isinstance(given, (list, tuple)) else item.read(given)
 
-    return Kind(three.words, {"anyOf": [item.schema, three.schema]}, read)
+    return Kind(three.words, before=read, schema={"anyOf": [schema_of(item), schema_of(three)]})
 
 
 def other_dimension(point: Sequence[float], dim: int) -> str:
@@ -285,6 +302,5 @@ def other_dimension(point: Sequence[float], dim: int) -> str:
     return "" if len(point) == dim else f"has {len(point)} coordinates; {where} has {dim}"
 
 
-_COORDINATES = several(NUMBER, "[x, y, z]; [x, y] in a plane", 2, 3)
 #: a point: one coordinate for each dimension of the model
-POINT = replace(_COORDINATES, misfit=other_dimension)
+POINT = replace(several(NUMBER, "[x, y, z]; [x, y] in a plane", 2, 3), misfit=other_dimension)

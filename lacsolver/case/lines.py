@@ -31,104 +31,95 @@ class Lines:
     """The lines of the keys of a TOML text."""
 
     def __init__(self, text: str) -> None:
-        self._text = text
+        self._text, self._at = text, 0
         self._breaks = [m.start() for m in re.finditer("\n", text)]
         self._line: dict[KeyPath, int] = {}
         self._count: dict[KeyPath, int] = {}
-        self._read()
+        table: KeyPath = ()
+        while self._next(_BLANK):
+            if self._next() == "[":
+                table = self._header()
+            else:
+                self._pair(table)
 
     def __getitem__(self, path: KeyPath) -> int | None:
         """Return the line of a path, counted from 1.
 
         If the path is absent, the line is that of the nearest table around it; None if there is none.
         """
-        for size in range(len(path), 0, -1):
-            if path[:size] in self._line:
-                return self._line[path[:size]]
-        return None
+        around = (path[:size] for size in range(len(path), 0, -1))
+        return next((self._line[one] for one in around if one in self._line), None)
 
     def __iter__(self) -> Iterator[KeyPath]:
         return iter(self._line)
+
+    def _next(self, pattern: re.Pattern[str] | None = None) -> str:
+        """Return the character at the present position, "" at the end, past a pattern that is there."""
+        if pattern is not None:
+            match = pattern.match(self._text, self._at)
+            assert match, "tomllib accepted this text"
+            self._at = match.end()
+        return self._text[self._at : self._at + 1]
 
     def _mark(self, path: KeyPath, at: int) -> None:
         line = bisect_left(self._breaks, at) + 1
         for size in range(1, len(path) + 1):
             self._line.setdefault(path[:size], line)
 
-    def _read(self) -> None:
-        table: KeyPath = ()
-        at = _end(_BLANK, self._text, 0)
-        while at < len(self._text):
-            if self._text[at] == "[":
-                at, table = self._header(at)
-            else:
-                at = self._pair(at, table)
-            at = _end(_BLANK, self._text, at)
-
-    def _header(self, start: int) -> tuple[int, KeyPath]:
-        """Read `[a.b]` or `[[a.b]]`; return its end and the path. A name of several tables means the last of them."""
-        several = self._text.startswith("[[", start)
-        keys, at = self._key(_end(_SPACE, self._text, start + 1 + several))
+    def _header(self) -> KeyPath:
+        """Read `[a.b]` or `[[a.b]]` and return its path. A name of several tables means the last of them."""
+        start, several = self._at, self._text.startswith("[[", self._at)
+        self._at += 1 + several
         path: KeyPath = ()
-        for key in keys[:-1]:
+        *outer, last = self._key()
+        for key in outer:
             path = self._last((*path, key))
-        path = (*path, keys[-1])
+        path = (*path, last)
         if several:
             self._count[path] = self._count.get(path, 0) + 1
         path = self._last(path)
         self._mark(path, start)
-        return at + 1 + several, path
+        self._at += 1 + several
+        return path
 
     def _last(self, path: KeyPath) -> KeyPath:
         return (*path, self._count[path] - 1) if path in self._count else path
 
-    def _pair(self, start: int, table: KeyPath) -> int:
-        """Read `a.b = value` and return the position of its end."""
-        keys, at = self._key(start)
-        self._mark((*table, *keys), start)
-        return self._value(_end(_SPACE, self._text, at + 1), (*table, *keys))
+    def _pair(self, table: KeyPath) -> None:
+        """Read `a.b = value`."""
+        start = self._at
+        path = (*table, *self._key())
+        self._mark(path, start)
+        self._at += 1
+        self._next(_SPACE)
+        self._value(path)
 
-    def _key(self, at: int) -> tuple[KeyPath, int]:
-        """Return the parts of a dotted key, and the position of the next mark (`=` or `]`)."""
+    def _key(self) -> KeyPath:
+        """Read a dotted key up to the mark behind it (`=` or `]`), and return its parts."""
         parts: KeyPath = ()
-        while True:
-            match = _BARE.match(self._text, at) or _STRING.match(self._text, at)
-            assert match, "tomllib accepted this text"
-            word = match.group()
-            parts += (word if word[0] not in "\"'" else tomllib.loads(f"key = {word}")["key"],)
-            at = _end(_SPACE, self._text, match.end())
-            if self._text[at] != ".":
-                return parts, at
-            at = _end(_SPACE, self._text, at + 1)
+        while not parts or self._next() == ".":
+            self._at += bool(parts)
+            quoted, start = self._next(_SPACE) in "\"'", self._at
+            self._next(_STRING if quoted else _BARE)
+            word = self._text[start : self._at]
+            parts += (tomllib.loads(f"key = {word}")["key"] if quoted else word,)
+            self._next(_SPACE)
+        return parts
 
-    def _value(self, at: int, path: KeyPath) -> int:
-        self._mark(path, at)
-        if self._text[at] == "[":
-            return self._items(at, path)
-        if self._text[at] == "{":
-            return self._inline(at, path)
-        return _end(_STRING if self._text[at] in "\"'" else _PLAIN, self._text, at)
-
-    def _items(self, at: int, path: KeyPath) -> int:
-        at, item = _end(_BLANK, self._text, at + 1), 0
-        while self._text[at] != "]":
-            at = self._next(self._value(at, (*path, item)))
+    def _value(self, path: KeyPath) -> None:
+        """Read a value, with the items of a list or the pairs of an inline table."""
+        self._mark(path, self._at)
+        first, item = self._next(), 0
+        if first not in "[{":
+            self._next(_STRING if first in "\"'" else _PLAIN)
+            return
+        self._at += 1
+        while self._next(_BLANK) not in "]}":
+            if first == "[":
+                self._value((*path, item))
+            else:
+                self._pair(path)
             item += 1
-        return at + 1
-
-    def _inline(self, at: int, path: KeyPath) -> int:
-        at = _end(_BLANK, self._text, at + 1)
-        while self._text[at] != "}":
-            at = self._next(self._pair(at, path))
-        return at + 1
-
-    def _next(self, at: int) -> int:
-        """Return the position of the next item or the end of the list, past the comma if there is one."""
-        at = _end(_BLANK, self._text, at)
-        return _end(_BLANK, self._text, at + 1) if self._text[at] == "," else at
-
-
-def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
-    match = pattern.match(text, at)
-    assert match, "tomllib accepted this text"
-    return match.end()
+            if self._next(_BLANK) == ",":
+                self._at += 1
+        self._at += 1

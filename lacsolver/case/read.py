@@ -9,14 +9,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacsolver.case.case import Case
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import keys_of, sections_of
 from lacsolver.case.lines import KeyPath, Lines
 from lacsolver.case.misread import meant, other_than_case
-from lacsolver.case.rules import check
 from lacsolver.case.value import described
 
 
@@ -65,9 +66,20 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
         raise RequestError(f"parse_case takes a text in TOML, not {type(text).__name__}; read_case takes a path")
     path = Path(path)
     document, lines = _document(text, path)
-    case, mistakes = _drafted(document, lines, path)
-    mistakes += [*check(case), *_needed(case, document, matrices)]
-    if mistakes:
+    mistakes = [*_needed(document, matrices)]
+    confused, paths = _confused(document, lines)
+    mistakes += confused
+    case = None
+    try:
+        case = Case.model_validate(document, context=path)
+    except ValidationError as error:
+        mistakes += [_issue(one, document, paths, lines) for one in error.errors()]
+    if case is not None and not mistakes:
+        read = [((), case), *((at, record) for at, record in case.records() if at[0] in document)]
+        for at, record in read:
+            record.locate(at, lines, path)
+        mistakes = [mistake for _, record in reversed(read) for mistake in record.mistakes()]
+    if mistakes or case is None:
         raise CaseError(dict.fromkeys(mistakes), path)
     assert isinstance(case.mesh, Path)
     case = case.altered(mesh=path.parent / case.mesh, path=path)
@@ -97,61 +109,57 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         raise ReadError(path, f"is no TOML text ({said})") from None
 
 
-def _drafted(document: Mapping[str, Any], lines: Lines, path: Path) -> tuple[Case, list[Issue]]:
-    """Return the case with the records of all sections, and the mistakes that each of them shows."""
-    sections, top = sections_of(Case), keys_of(Case)
-    case, mistakes = Case.from_table({k: v for k, v in document.items() if k in top}, (), lines, path)
-    for name, given in document.items():
-        if name in sections:
-            record = sections[name]
-            tables, wrong = _tables(name, record, given, lines)
-            read = [_record(record, table, at, lines, path) for at, table in tables]
-            mistakes += [*wrong, *(mistake for _, some in read for mistake in some)]
-            records = tuple(one for one, _ in read)
-            if records or record.SECTION.several:
-                case = case.altered(**{name: records if record.SECTION.several else records[0]})
-        elif name not in top:
-            what = "section" if isinstance(given, dict) or _is_tables(given) else "key"
-            near = did_you_mean(name, [*top, *sections])
-            mistakes.append(Issue(f"{name} is no {what} of a case{near}", lines[(name,)]))
-    return case, mistakes
+def _confused(document: dict[str, Any], lines: Lines) -> tuple[list[Issue], dict[str, KeyPath]]:
+    """Return mistakes for `[x]` or `[[x]]` confused, or no table, and the paths of the former; drop or mend these.
 
-
-def _record(record: Any, table: Mapping[str, Any], at: KeyPath, lines: Lines, path: Path) -> tuple[Entry, list[Issue]]:
-    """Return the record of a table, and its mistakes; keys that belong at the top of the file get a hint."""
-    top = [name for name in table if name in keys_of(Case) and name not in keys_of(record)]
-    entry, mistakes = record.from_table({k: v for k, v in table.items() if k not in top}, at, lines, path)
-    hint = f"is no key of {record.SECTION.header}; it belongs at the top of the file, before the first section"
-    return entry, [*mistakes, *(Issue(f"{name} {hint}", lines[(*at, name)]) for name in top)]
-
-
-def _tables(name: str, record: Any, given: Any, lines: Lines) -> tuple[list[tuple[KeyPath, Any]], list[Issue]]:
-    """Return the tables of a section with their paths; and a mistake for `[x]` or `[[x]]` confused, or no table."""
-    section, line = record.SECTION, lines[(name,)]
-    if section.several and _is_tables(given):
-        return [((name, k), table) for k, table in enumerate(given)], []
-    if not section.several and isinstance(given, dict):
-        return [((name,), given)], []
-    if section.several and isinstance(given, dict):  # its keys are worth reading all the same
-        return [((name,), given)], [Issue(f"[{name}] may stand several times; write {section.header}", line)]
-    if _is_tables(given) and given:
-        last = lines[(name, len(given) - 1)]
-        return [((name, 0), given[0])], [Issue(f"[[{name}]] stands once; write {section.header}", last)]
-    return [], [Issue(f"{name} is {described(given)}; write {section.header} and its keys below it", line)]
+    The keys of a section whose header is wrong are worth reading all the same.
+    """
+    mistakes: list[Issue] = []
+    paths: dict[str, KeyPath] = {}
+    for name, record in Case.SECTIONS.items():
+        given, header = document.get(name), record.SECTION.header
+        if name not in document or (_is_tables(given) if record.SECTION.several else isinstance(given, dict)):
+            continue
+        message, line = f"{name} is {described(given)}; write {header} and its keys below it", lines[(name,)]
+        if isinstance(given, dict):
+            message, paths[name] = f"[{name}] may stand several times; write {header}", (name,)
+            document[name] = [given]
+        elif _is_tables(given) and given:
+            message, line = f"[[{name}]] stands once; write {header}", lines[(name, len(given) - 1)]
+            document[name], paths[name] = given[0], (name, 0)
+        else:
+            del document[name]
+        mistakes.append(Issue(message, line))
+    return mistakes, paths
 
 
 def _is_tables(given: Any) -> bool:
     return isinstance(given, list) and all(isinstance(item, dict) for item in given)
 
 
-def _needed(case: Case, document: Mapping[str, Any], matrices: bool) -> Iterator[Issue]:
+def _issue(one: ErrorDetails, document: Mapping[str, Any], paths: Mapping[str, KeyPath], lines: Lines) -> Issue:
+    """Return a mistake that pydantic found in a key of a file; `paths`: of sections whose header is wrong."""
+    first, name = str(one["loc"][0]), str(one["loc"][-1])
+    record: type[Entry] | None = Case.SECTIONS.get(first)
+    if record is not None:
+        at = paths.get(first, one["loc"][:-1])
+        if one["type"] == "extra_forbidden" and name in Case.KEYS:
+            hint = "it belongs at the top of the file, before the first section"
+            return Issue(f"{name} is no key of {record.SECTION.header}; {hint}", lines[(*at, name)])
+        return record.issue(one, at, lines)
+    if one["type"] == "extra_forbidden":
+        what = "section" if isinstance(document[name], dict) or _is_tables(document[name]) else "key"
+        return Issue(f"{name} is no {what} of a case{did_you_mean(name, [*Case.KEYS, *Case.SECTIONS])}", lines[(name,)])
+    return Case.issue(one, (), lines)
+
+
+def _needed(document: Mapping[str, Any], matrices: bool) -> Iterator[Issue]:
     """Yield a mistake if the mesh or a required section is missing."""
-    there = {name for name, given in document.items() if given != []}
-    mesh = keys_of(Case)["mesh"]
-    if not case.has("mesh"):
-        yield case.wrong(f"needs mesh ({mesh.meaning}; {mesh.kind.words})")
+    there, top = {name for name, given in document.items() if given != []}, Case.SECTION.header
+    if "mesh" not in document:
+        yield Issue(f"{top} needs mesh ({Case.KEYS['mesh'].meaning}; {Case.KEYS['mesh'].kind.words})")
     if matrices:
         if not there & {"contact", "tie"}:
-            yield case.wrong("needs a [[contact]] or a [[tie]], for its matrices are wanted")
+            yield Issue(f"{top} needs a [[contact]] or a [[tie]], for its matrices are wanted")
     elif "material" not in there:
-        yield case.wrong("needs a [[material]]")
+        yield Issue(f"{top} needs a [[material]]")

@@ -9,13 +9,12 @@ user's choice; `unit` gives the dimension.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
-from lacsolver.case.direction_kinds import AXES, LOCAL_AXES
+from lacsolver.case.direction_kinds import AXES, GROUP_KIND, LOCAL_AXES
 from lacsolver.case.entry import Entry
-from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Rotation, Section, Values, key
+from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Rotation, Values, hidden, key
 from lacsolver.case.kinds import (
     FLAG,
     GROUP,
@@ -26,8 +25,8 @@ from lacsolver.case.kinds import (
     POINT,
     POSITIVE,
     TWO_GROUPS,
-    Choice,
     Kind,
+    choice,
     number,
     numbers,
     one_or_three,
@@ -41,7 +40,6 @@ from lacsolver.case.value_kinds import (
     VALUE,
     VALUE_OF_TIME,
     VECTOR_OF_TIME,
-    not_negative,
     varying,
 )
 
@@ -50,7 +48,6 @@ PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and no
 WHERE = (("group", "at"),)
 NOT_KIND_OF_AT = (("kind", "at"),)
 ROLES = (("slave", "surfaces"), ("master", "surfaces"))
-GROUP_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
 KIND_BY_DEFAULT = "the kind that has this name; cell if both have it"
 _THREE = ("fx", "fy", "fz")
 #: the kinematics that each law of a material is for
@@ -62,18 +59,16 @@ _KINEMATICS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Material(Entry):
-    """[[material]]: the law of some cells.
+class Material(Entry, header="[[material]]"):
+    """[[material]]: the law of the cells of some groups, or of the whole mesh.
 
     >>> Material(young=210e3, poisson=0.3).law
     'elastic'
     """
 
-    SECTION: ClassVar = Section("material", True, "the law of the cells of some groups, or of the whole mesh")
     groups: Groups = key(GROUPS, "", "groups of cells made of it", None, "the whole mesh")
     law: str = key(
-        Choice({
+        choice({
             "elastic": "linear, isotropic",
             "orthotropic": "linear, three axes of symmetry",
             "saint_venant_kirchhoff": "linear in the Green-Lagrange strain",
@@ -119,11 +114,11 @@ class Material(Entry):
     )
 
 
-_HEXA = Choice(
+_HEXA = choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_MACRO = Choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
-_NORMALS = Choice(
+_MACRO = choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
+_NORMALS = choice(
     {
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
         "smoothed": "averaged at the nodes and interpolated",
@@ -131,17 +126,16 @@ _NORMALS = Choice(
         "slave": "as facet, over a plane master too",
     }
 )
-_SURFACE = Choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
+_SURFACE = choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
 class PairEntry(Entry):
     """Base class of contacts and ties. With `surfaces`, slave, master and the default of the name are None.
 
     A problem has a case in which they are chosen; `why` says why the slave is, and is empty for roles that were given.
     """
 
-    why: str = field(default="", repr=False, compare=False)
+    why: str = hidden("")
     name: str = key(text("a name"), "", "name in the results", None, "the slave's name")
     slave: str = key(GROUP, "", "the surface that is cut and carries the pressures", None, "one of surfaces")
     master: str = key(GROUP, "", "the surface opposite", None, "the other one of surfaces")
@@ -164,28 +158,28 @@ class PairEntry(Entry):
     )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Contact(PairEntry):
-    """[[contact]]: two skins that may touch. A Case sets the default of `geometry` from its kinematics.
+class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"):
+    """[[contact]]: two surfaces that may touch.
+
+    A Case sets the default of `geometry` from its kinematics.
 
     >>> Contact(slave="pin", master="hole").name
     'pin'
     """
 
-    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch", one_of=ROLES, named_after="slave")
     type: str = key(
-        Choice({
+        choice({
             "unilateral": "contact that can open",
             "bilateral": "always closed, pressures of either sign",
         }, added=CONTACT_LAWS), "", "contact condition", "unilateral",
     )  # fmt: skip
     stiffness: As[Value | None, ValueLike | None] = key(
-        not_negative(positive=True, place=False), "stress / length",
+        varying(least="> 0", place=False), "stress / length",
         "pressure per overlap, for soft contact, not ramped", None, "rigid: no overlap",
         needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
     law: str = key(
-        Choice({
+        choice({
             "linear": "rigid, or with stiffness times the overlap",
             "exponential": "pressure that grows exponentially as surfaces come near",
             "table": "pressure against overlap, by a table",
@@ -214,17 +208,17 @@ class Contact(PairEntry):
     )
     normals: str = key(_NORMALS, "", "direction of contact", "facet")
     geometry: str = key(
-        Choice({
+        choice({
             "reference": "undeformed configuration, paired once",
             "current": "deformed configuration, updated during iterations",
         }), "", "configuration in which the surfaces are paired", None, '"reference" if small, "current" if finite',
     )  # fmt: skip
     measure: str = key(
-        Choice({"reference": "the undeformed area: nominal pressure", "current": "the deformed area: true pressure"}),
+        choice({"reference": "the undeformed area: nominal pressure", "current": "the deformed area: true pressure"}),
         "", "area to which pressures refer", "reference",
     )  # fmt: skip
     initial: str = key(
-        Choice({"gap": "closed where bodies overlap", "all": "closed", "none": "open"}), "",
+        choice({"gap": "closed where bodies overlap", "all": "closed", "none": "open"}), "",
         "contact status at the start", "gap", needs=Needs("type", ("unilateral",), added=True),
     )  # fmt: skip
     max_penetration: float | None = key(
@@ -240,17 +234,15 @@ class Contact(PairEntry):
         None, "none are moved",
     )  # fmt: skip
     friction: As[Value, ValueLike] = key(
-        not_negative(infinite=True),
-        "",
-        "coefficient of friction, not ramped; inf: rough, nothing slides",
-        Value(0.0),
-        "0.0",
-    )
+        varying(least=">= 0", infinite=True), "", "coefficient of friction, not ramped; inf: rough, nothing slides",
+        Value(0.0), "0.0",
+    )  # fmt: skip
     cohesion: As[Value, ValueLike] = key(
-        not_negative(), "stress", "friction without pressure, while in contact; alone: Tresca's law", Value(0.0), "0.0"
-    )
+        varying(least=">= 0"), "stress", "friction without pressure, while in contact; alone: Tresca's law",
+        Value(0.0), "0.0",
+    )  # fmt: skip
     shear_limit: As[Value | None, ValueLike | None] = key(
-        not_negative(positive=True), "stress", "most that friction carries (Orowan's law)", None, "none"
+        varying(least="> 0"), "stress", "most that friction carries (Orowan's law)", None, "none"
     )
 
     @property
@@ -264,20 +256,14 @@ class Contact(PairEntry):
         return any(value is not None and value.source != 0 for value in (self.friction, self.cohesion))
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Tie(PairEntry):
+class Tie(PairEntry, header="[[tie]]", one_of=ROLES, named_after="slave"):
     """[[tie]]: two surfaces bonded together, in all components.
 
     >>> Tie(slave="liner", master="hole").name
     'liner'
     """
 
-    SECTION: ClassVar = Section(
-        "tie", True, "two surfaces bonded together, in all components", one_of=ROLES, named_after="slave"
-    )
 
-
-@dataclass(frozen=True, kw_only=True, repr=False)
 class AtNodes(Entry):
     """Base class of records that act on the nodes of a group, or on the node at a place."""
 
@@ -300,29 +286,26 @@ def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, kind: Kind 
 LocalAxes = As[Mapping[str, Any] | None, Mapping[str, Any] | None]
 
 
-def _in_axes(names: str) -> Any:
+def in_axes(names: str) -> Any:
+    """Return a key for local axes of components."""
     what = f"local axes of {names}: x, y, z, or where cylindrical r, theta, z, at each node's undeformed place"
     return key(LOCAL_AXES, "", what, None, "those of the mesh")
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Displacement(AtNodes):
-    """[[displacement]]: prescribed components of displacement.
+class Displacement(
+    AtNodes, header="[[displacement]]", one_of=WHERE, some_of=(("ux", "uy", "uz", "un"),),
+    not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un"), ("un", "axes"), ("un", "begin")),
+):  # fmt: skip
+    """[[displacement]]: prescribed displacement; components that are not given are free.
 
     >>> Displacement(group="base", ux=0, uy=0)
     Displacement(group='base', ux=0.0, uy=0.0)
     """
 
-    SECTION: ClassVar = Section(
-        "displacement", True, "prescribed displacement; components that are not given are free", one_of=WHERE,
-        some_of=(("ux", "uy", "uz", "un"),),
-        not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un"), ("un", "axes"),
-                  ("un", "begin")),
-    )  # fmt: skip
     ux: Load = _load("length", "along x (the radius where axisymmetric)")
     uy: Load = _load("length", "along y")
     uz: Load = _load("length", "along z", SPACE)
-    axes: LocalAxes = _in_axes("ux, uy, uz")
+    axes: LocalAxes = in_axes("ux, uy, uz")
     un: Load = _load("length", "along the outward normal of the group's faces")
     begin: float | None = key(
         POSITIVE, "time", "time up to which the nodes are free; then they are held where they are, and move as the "
@@ -334,51 +317,45 @@ class Displacement(AtNodes):
     )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Pressure(Entry):
-    """[[pressure]]: pressure on faces, along their inward normal.
+class Pressure(Entry, header="[[pressure]]"):
+    """[[pressure]]: pressure on faces.
 
     >>> Pressure(group="top", value="25 * t").value.at(0.5)
     12.5
     """
 
-    SECTION: ClassVar = Section("pressure", True, "pressure on faces")
     group: str = key(GROUP, "", "faces on which it acts")
     value: As[Value, ValueLike] = key(VALUE, "stress", "positive pressure pushes into the body", load=True)
     follower: bool = key(FLAG, "", "acts on the deformed face", False, kinematics="finite")
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Traction(Entry):
-    """[[traction]]: force per area on faces.
+class Traction(Entry, header="[[traction]]", some_of=(("tx", "ty", "tz"),)):
+    """[[traction]]: force per undeformed area, on faces.
 
     >>> Traction(group="end", tx=3.0)
     Traction(group='end', tx=3.0)
     """
 
-    SECTION: ClassVar = Section("traction", True, "force per undeformed area, on faces", some_of=(("tx", "ty", "tz"),))
     group: str = key(GROUP, "", "faces on which it acts")
     tx: Load = _load("stress", "along x", kind=_TRACTION)
     ty: Load = _load("stress", "along y", kind=_TRACTION)
     tz: Load = _load("stress", "along z", SPACE, kind=_TRACTION)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Force(AtNodes):
-    """[[force]]: force on each node.
+class Force(
+    AtNodes, header="[[force]]", one_of=WHERE, some_of=((*_THREE, "moment"),),
+    not_both=(*NOT_KIND_OF_AT, ("at", "moment")),
+):  # fmt: skip
+    """[[force]]: force on each node of a group, or in total, or on one node (axisymmetric: of the full circle).
 
     >>> Force(at=(0, 1), fy=-2.0)
     Force(at=(0.0, 1.0), fy=-2.0)
     """
 
-    SECTION: ClassVar = Section(
-        "force", True, "force on each node of a group, or in total, or on one node (axisymmetric: of the full circle)",
-        one_of=WHERE, some_of=((*_THREE, "moment"),), not_both=(*NOT_KIND_OF_AT, ("at", "moment")),
-    )  # fmt: skip
     fx: Load = _load("force", "along x")
     fy: Load = _load("force", "along y")
     fz: Load = _load("force", "along z", SPACE)
-    axes: LocalAxes = _in_axes("fx, fy, fz")
+    axes: LocalAxes = in_axes("fx, fy, fz")
     moment: Values = _load(
         "force × length", "moment of the whole group about its mean, spread by area; with total = true", PLANAR,
         VECTOR_OF_TIME,
@@ -388,84 +365,46 @@ class Force(AtNodes):
     )
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class BodyForce(Entry):
-    """[[body_force]]: force per volume.
+class BodyForce(Entry, header="[[body_force]]", some_of=(_THREE,)):
+    """[[body_force]]: force per undeformed volume.
 
     >>> BodyForce(fy=-1.0)
     BodyForce(fy=-1.0)
     """
 
-    SECTION: ClassVar = Section("body_force", True, "force per undeformed volume", some_of=(_THREE,))
     groups: Groups = key(GROUPS, "", "groups of cells on which it acts", None, "the whole mesh")
     fx: Load = _load("force / length³", "along x")
     fy: Load = _load("force / length³", "along y")
     fz: Load = _load("force / length³", "along z", SPACE)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Gravity(Entry):
-    """[gravity]: acceleration of everything that has a density.
+class Gravity(Entry, header="[gravity]", some_of=(("gx", "gy", "gz"),)):
+    """[gravity]: acceleration of gravity; materials need a density.
 
     >>> Gravity(gy=-9.81)
     Gravity(gy=-9.81)
     """
 
-    SECTION: ClassVar = Section(
-        "gravity", False, "acceleration of gravity; materials need a density", some_of=(("gx", "gy", "gz"),)
-    )
     gx: Load = _load("length / time²", "along x", PLANAR)
     gy: Load = _load("length / time²", "along y")
     gz: Load = _load("length / time²", "along z", SPACE)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Temperature(Entry):
-    """[[temperature]]: temperature, which strains cells that have an expansion.
+class Temperature(Entry, header="[[temperature]]"):
+    """[[temperature]]: temperature; materials need an expansion.
 
     >>> Temperature(groups=["pin"], value=80.0)
     Temperature(groups=('pin',), value=80.0)
     """
 
-    SECTION: ClassVar = Section("temperature", True, "temperature; materials need an expansion")
     groups: Groups = key(GROUPS, "", "groups of cells that have it", None, "the whole mesh")
     value: As[Value, ValueLike] = key(
         VALUE, "temperature", "a number is ramped from the material's reference_temperature", load=True
     )
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Spring(AtNodes):
-    """[[spring]]: springs between nodes and the ground, or between two nodes.
-
-    >>> Spring(group="top", ky=5.0)
-    Spring(group='top', ky=5.0)
-    >>> Spring(group="eye", to="hook", k=5.0)
-    Spring(group='eye', to='hook', k=5.0)
-    """
-
-    SECTION: ClassVar = Section(
-        "spring", True, "springs from nodes to the ground, or from one to another (axisymmetric: of the full circle)",
-        one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
-        not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
-    )  # fmt: skip
-    to: str | None = key(
-        GROUP, "", "group of one node at the other end, of the kind `kind`; group then has one node, too", None,
-        "the ground",
-    )  # fmt: skip
-    k: float | None = key(
-        POSITIVE, "force / length", "stiffness along the line to the other node; with kinematics = finite the line "
-        "turns with its nodes", None,
-    )  # fmt: skip
-    kx: float | None = key(POSITIVE, "force / length", "stiffness along x; between two nodes, of the difference", None)
-    ky: float | None = key(POSITIVE, "force / length", "stiffness along y, as kx", None)
-    kz: float | None = key(POSITIVE, "force / length", "stiffness along z, as kx", None, models=SPACE)
-    axes: LocalAxes = _in_axes("kx, ky, kz")
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Rigid(Entry):
-    """[[rigid]]: a rigid body, or a rigid surface without parent cells.
+class Rigid(Entry, header="[[rigid]]", not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz"))):
+    """[[rigid]]: rigid body; each component is fixed, prescribed, or free under a given force.
 
     Components of its motion that are neither prescribed nor loaded are held at 0.
 
@@ -473,10 +412,6 @@ class Rigid(Entry):
     Rigid(group='punch', uy=-0.1)
     """
 
-    SECTION: ClassVar = Section(
-        "rigid", True, "rigid body; each component is fixed, prescribed, or free under a given force",
-        not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz")),
-    )  # fmt: skip
     group: str = key(GROUP, "", "cells (a surface without parent cells is enough) or nodes that move rigidly")
     kind: str | None = key(
         GROUP_KIND, "", "kind of group, if a group of cells and one of nodes have this name", None, KIND_BY_DEFAULT

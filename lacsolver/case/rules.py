@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import inf, sqrt
 from pathlib import Path
 from shlex import quote
@@ -23,11 +23,22 @@ BACKENDS_OF = {
 }
 
 
-def check(case: Case) -> list[Issue]:
-    """Return the mistakes that only the case as a whole shows; keys that could not be read are None."""
-    records = [case, *(record for _, record in case.records())]
-    alone = [mistake for record in records for mistake in record.against(case.model, case.kinematics)]
-    return alone + [mistake for rule in RULES for mistake in rule(case)]
+def check(case: Case) -> Iterator[Issue]:
+    """Yield the mistakes that only the case as a whole shows; each key by itself is right."""
+    for record in (case, *(record for _, record in case.records())):
+        yield from record.against(case.model, case.kinematics)
+    for rule in RULES:
+        yield from rule(case)
+
+
+def _repeated(records: Iterable[Any], key: str) -> Iterator[Any]:
+    """Yield the records whose key has a value that an earlier one has."""
+    taken = set()
+    for record in records:
+        value = getattr(record, key)
+        if value is not None and value in taken:
+            yield record
+        taken.add(value)
 
 
 def _materials(case: Case) -> Iterator[Issue]:
@@ -36,22 +47,19 @@ def _materials(case: Case) -> Iterator[Issue]:
         law, poisson = record.law, record.poisson
         if law == "orthotropic":
             yield from _orthotropic(record)
-        elif law in MATERIAL_LAWS:
-            for name in ("young", "poisson", "expansion"):
-                if record.has(name):
-                    yield record.wrong(f'is no key of law = "{law}", which takes constants; give it there', name)
-        elif law is not None:
-            if law == "plastic" and not record.has("hardening"):
-                yield record.wrong(
-                    'needs hardening = [[yield stress, 0.0], ...] with law = "plastic"; one row is perfect plasticity'
-                )
-            for name in ("young", "poisson", "expansion"):
-                if isinstance(getattr(record, name), tuple):
-                    message = f'has three numbers, which only law = "orthotropic" takes; here it is "{law}"'
-                    yield record.wrong(message, name)
-            if isinstance(poisson, float) and not -1 < poisson < 0.5:
-                hint = "; take 0.49 for rubber" if poisson >= 0.5 else ""
-                yield record.wrong(f"is {poisson:g}; it must be > -1 and < 0.5{hint}", "poisson")
+            continue
+        for name in [name for name in ("young", "poisson", "expansion") if record.has(name)]:
+            if law in MATERIAL_LAWS:
+                yield record.wrong(f'is no key of law = "{law}", which takes constants; give it there', name)
+            elif isinstance(getattr(record, name), tuple):
+                message = f'has three numbers, which only law = "orthotropic" takes; here it is "{law}"'
+                yield record.wrong(message, name)
+        if law == "plastic" and not record.has("hardening"):
+            rows = "hardening = [[yield stress, 0.0], ...]"
+            yield record.wrong(f'needs {rows} with law = "plastic"; one row is perfect plasticity')
+        if law not in MATERIAL_LAWS and isinstance(poisson, float) and not -1 < poisson < 0.5:
+            hint = "; take 0.49 for rubber" if poisson >= 0.5 else ""
+            yield record.wrong(f"is {poisson:g}; it must be > -1 and < 0.5{hint}", "poisson")
 
 
 def _orthotropic(record: Material) -> Iterator[Issue]:
@@ -62,11 +70,8 @@ def _orthotropic(record: Material) -> Iterator[Issue]:
         if isinstance(value, float):
             yield record.wrong('is one number; law = "orthotropic" takes three', name)
     if isinstance(young, tuple) and isinstance(poisson, tuple) and not _stores_energy(young, poisson):
-        yield record.wrong(
-            "makes a law that gives energy when it is strained, with these young; it is [nu12, nu13, nu23], and "
-            "nu_ij² < E_i / E_j must hold",
-            "poisson",
-        )
+        message = "makes a law that gives energy when it is strained, with these young; it is [nu12, nu13, nu23], and "
+        yield record.wrong(f"{message}nu_ij² < E_i / E_j must hold", "poisson")
 
 
 def _stores_energy(young: tuple[float, ...], poisson: tuple[float, ...]) -> bool:
@@ -91,31 +96,27 @@ def _groups_once(case: Case) -> Iterator[Issue]:
 
 def _pairs(case: Case) -> Iterator[Issue]:
     """Check that each slave has one master, which is another skin, and that no slave is rigid."""
-    slaves: set[str] = set()
-    rigid = {record.group for record in case.rigid}
-    for record in (*case.contact, *case.tie, *case.cyclic):
+    pairs, rigid = [*case.contact, *case.tie, *case.cyclic], {record.group for record in case.rigid}
+    for record in [record for record in pairs if record.slave is not None]:
         slave, master = record.slave, record.master
-        if slave is None:
-            continue
         if slave == master:
             message = f"is {master!r}, the slave itself; two skins meet, so give each a group"
             if record not in case.cyclic:
                 mesh = case.mesh.name if isinstance(case.mesh, Path) else "MESH"
                 message += f": lacmesh split {mesh} --faces {quote(master)} makes them of faces inside a body"
             yield record.wrong(message, "master")
-        if slave in slaves:
-            yield record.wrong(f"is {slave!r}, the slave of an earlier one; join the masters in one group", "slave")
         if slave in rigid:
             yield record.wrong(f"is {slave!r}, which is [[rigid]]; let the rigid skin be the master", "slave")
-        slaves.add(slave)
+    for record in _repeated(pairs, "slave"):
+        yield record.wrong(f"is {record.slave!r}, the slave of an earlier one; join the masters in one group", "slave")
 
 
 def _creases(case: Case) -> Iterator[Issue]:
     """Check that crease_angle is given only where smooth surfaces or smoothed normals use it."""
-    for record in (*case.contact, *case.tie, *case.cyclic):
+    for record in (*case.contact, *case.tie):
         normals = getattr(record, "normals", "facet")  # a tie has no normals
         if "crease_angle" in record.told() and record.surface == "faces" and normals in ("facet", "slave"):
-            also = ' or normals = "smoothed"' if record.SECTION.name == "contact" else ""
+            also = ' or normals = "smoothed"' if record in case.contact else ""
             message = f'means something only with surface = "smooth"{also}; leave it out, or say that'
             yield record.wrong(message, "crease_angle")
 
@@ -125,7 +126,7 @@ def _constants(case: Case) -> Iterator[Issue]:
     laws = [(record, "law", record.law, MATERIAL_LAWS) for record in case.material]
     types = [(record, "type", record.type, CONTACT_LAWS) for record in case.contact]
     for record, key, name, added in (*laws, *types):
-        if record.has("constants") and name is not None and name not in added:
+        if record.has("constants") and name not in added:
             message = f'are of laws that a Python program has added, and {key} is "{name}"; leave them out'
             yield record.wrong(message, "constants")
 
@@ -133,11 +134,11 @@ def _constants(case: Case) -> Iterator[Issue]:
 def _contacts(case: Case) -> Iterator[Issue]:
     """Check that laws of soft contact are whole, and that the deformed area is the measure on deformed skins only."""
     usual = "current" if case.kinematics == "finite" else "reference"
+    wanted = {"exponential": ("pressure_at_contact", "clearance_at_zero"), "table": ("pressures",)}
     for record in case.contact:
-        if record.law in ("exponential", "table") and record.has("stiffness"):
+        if record.law in wanted and record.has("stiffness"):
             yield record.wrong(f'stands beside law = "{record.law}"; give one of the two', "stiffness")
-        wanted = {"exponential": ("pressure_at_contact", "clearance_at_zero"), "table": ("pressures",)}
-        for name in wanted.get(record.law or "", ()):
+        for name in wanted.get(record.law, ()):
             if not record.has(name):
                 yield record.wrong(f'needs {name} with law = "{record.law}"', "law")
         if record.damping and case.dynamics is None:
@@ -158,26 +159,22 @@ def _friction(case: Case) -> Iterator[Issue]:
                 yield record.wrong(message, "shear_limit")
             continue
         source = "friction" if record.has("friction") else "cohesion"
-        if record.type not in (None, "unilateral"):
+        if record.type != "unilateral":
             message = f'is of contact that can open, and type is "{record.type}"; leave it out, or the type'
             yield record.wrong(message, source)
-        if record.friction is not None and record.friction.source == inf and record.has("cohesion"):
-            yield record.wrong(
-                "has no meaning with friction = inf, with which nothing slides; leave it out", "cohesion"
-            )
+        if record.friction.source == inf and record.has("cohesion"):
+            message = "has no meaning with friction = inf, with which nothing slides; leave it out"
+            yield record.wrong(message, "cohesion")
 
 
 def _names(case: Case) -> Iterator[Issue]:
     """Check that the names, by which results are called, are given and unique."""
     pairs = (*case.contact, *case.tie, *case.cyclic)
     for records in (pairs, case.probe, case.equation, case.coupling, case.pretension):
-        taken: set[str] = set()
-        for record in records:
-            if record.name is not None and record.name in taken:
-                source = "name" if record.has("name") else record.SECTION.named_after
-                message = f"calls it {record.name!r}, as an earlier one is; give it a name of its own"
-                yield record.wrong(message, source)
-            taken |= {record.name} - {None}
+        for record in _repeated(records, "name"):
+            source = "name" if record.has("name") else record.SECTION.named_after
+            message = f"calls it {record.name!r}, as an earlier one is; give it a name of its own"
+            yield record.wrong(message, source)
     for probe in case.probe:
         if probe.has("at") and not probe.has("name"):
             yield probe.wrong("needs a name, for it has no group to be called by")
@@ -189,27 +186,27 @@ def _prescribed_once(case: Case) -> Iterator[Issue]:
     rigid = {record.group for record in case.rigid}
     for record in case.displacement:
         where = record.group or record.at
-        if where is None:
-            continue
         if where in rigid:
             yield record.wrong(f"is {where!r}, which is [[rigid]]; move it there", "group")
         if record.has("un") and record.kind == "node":
-            yield record.wrong(
-                'is along the normal of faces, which a group of nodes (kind = "node") does not have', "un"
-            )
-        axes = str(record.axes)
+            message = 'is along the normal of faces, which a group of nodes (kind = "node") does not have'
+            yield record.wrong(message, "un")
         for name in [n for n in ("ux", "uy", "uz", "un") if record.has(n)]:
-            first = taken.setdefault((where, record.kind, name, axes), record)
+            first = taken.setdefault((where, record.kind, name, str(record.axes)), record)
             if any(getattr(first, key) != getattr(record, key) for key in (name, "begin", "reached")):
                 by = f"the [[displacement]] of {first.place}" if first.place else "an earlier [[displacement]]"
                 yield record.wrong(f"is prescribed at {where!r} by {by} too, otherwise; leave one out", name)
 
 
-def _equations(case: Case) -> Iterator[Issue]:
-    """Check that displacements that nodes share have a group."""
-    for record in case.equation:
-        if record.has("same") and not record.has("group"):
-            yield record.wrong("needs a group, whose nodes share it", "same")
+def _groups_of_joints(case: Case) -> Iterator[Issue]:
+    """Check that displacements that nodes share, and a moment, have a whole group."""
+    for equation in case.equation:
+        if equation.has("same") and not equation.has("group"):
+            yield equation.wrong("needs a group, whose nodes share it", "same")
+    for force in case.force:
+        if force.has("moment") and not force.total:
+            message = "is of the whole group; say total = true, which the force beside it is then too"
+            yield force.wrong(message, "moment")
 
 
 def _sectors(case: Case) -> Iterator[Issue]:
@@ -218,59 +215,47 @@ def _sectors(case: Case) -> Iterator[Issue]:
         if case.model == "axisymmetric":
             yield record.wrong("is of a sector, and an axisymmetric model is a whole ring already; leave it out")
         if record.harmonic:
-            yield record.wrong(
-                f"is {record.harmonic}; sectors with nodal diameters are not available, 0 alone", "harmonic"
-            )
+            message = f"is {record.harmonic}; sectors with nodal diameters are not available, 0 alone"
+            yield record.wrong(message, "harmonic")
         if record.ring and case.output.format == "med":
             yield record.wrong('is written for ParaView; take [output] format = "vtu"', "ring")
-        if record.axis is not None and not any(record.axis):
+        if not any(record.axis):
             yield record.wrong("has the length 0; give its direction", "axis")
 
 
-def _moments(case: Case) -> Iterator[Issue]:
-    """Check that a moment of a force is that of a whole group."""
-    for record in case.force:
-        if record.has("moment") and not record.total:
-            yield record.wrong(
-                "is of the whole group; say total = true, which the force beside it is then too", "moment"
-            )
-
-
 def _round_axes(case: Case) -> Iterator[Issue]:
-    """Check that no axes are cylindrical in an axisymmetric model, whose components are cylindrical already."""
-    for coupling in case.coupling:
-        if coupling.axes is not None and "axis" in coupling.axes:
-            yield coupling.wrong("are cylindrical; the point of a coupling takes Cartesian ones", "axes")
-    if case.model != "axisymmetric":
-        return
-    records: tuple[Any, ...] = (*case.displacement, *case.force, *case.spring)
-    for record in records:
-        if record.axes is not None and "axis" in record.axes:
-            yield record.wrong("are cylindrical, as ux and uy of an axisymmetric model are; leave them out", "axes")
+    """Check that no axes are cylindrical where components are Cartesian, or cylindrical already."""
+    reasons: list[tuple[Sequence[Any], str]] = [
+        (case.coupling, "; the point of a coupling takes Cartesian ones"),
+        ([one for one in case.spring if one.to is not None], "; a spring between two nodes takes Cartesian ones"),
+    ]
+    if case.model == "axisymmetric":
+        turned = (*case.displacement, *case.force, *case.spring)
+        reasons += [(turned, ", as ux and uy of an axisymmetric model are; leave them out")]
+    for records, reason in reasons:
+        for record in records:
+            if record.axes is not None and "axis" in record.axes:
+                yield record.wrong(f"are cylindrical{reason}", "axes")
 
 
 def _springs(case: Case) -> Iterator[Issue]:
-    """Check that a spring along a line has another node, which is not its own, and Cartesian axes between two."""
+    """Check that a spring along a line has another node, which is not its own."""
     for record in case.spring:
         if record.has("k") and not record.has("to"):
             message = "is along the line to another node; give that as to, or kx, ky, kz for a spring to the ground"
             yield record.wrong(message, "k")
         if record.to is not None and record.to == record.group:
             yield record.wrong(f"is {record.to!r}, the group itself; name the node at the other end", "to")
-        if record.to is not None and record.axes is not None and "axis" in record.axes:
-            yield record.wrong("are cylindrical; a spring between two nodes takes Cartesian ones", "axes")
 
 
 def _sections(case: Case) -> Iterator[Issue]:
     """Check that each section is tightened once, along a direction, and locked while the case runs."""
-    taken: set[str] = set()
+    for record in _repeated(case.pretension, "group"):
+        yield record.wrong(f"is {record.group!r}, which an earlier one has; keep one", "group")
     for record in case.pretension:
-        if record.group in taken:
-            yield record.wrong(f"is {record.group!r}, which an earlier one has; keep one", "group")
-        taken.add(record.group)
         if record.normal is not None and not any(record.normal):
             yield record.wrong("has length 0; give a direction", "normal")
-        if record.lock is not None and case.steps is not None and record.lock >= case.steps.last:
+        if record.lock is not None and record.lock >= case.steps.last:
             message = f"is {record.lock:g}, and the steps end at {case.steps.last:g}; leave it out, or lock before"
             yield record.wrong(message, "lock")
 
@@ -278,9 +263,7 @@ def _sections(case: Case) -> Iterator[Issue]:
 def _turns(case: Case) -> Iterator[Issue]:
     """Check that moments act about axes whose rotation is free."""
     records: tuple[Any, ...] = (*case.rigid, *case.coupling)
-    for record in records:
-        if record.rotation is None or record.moment is None:
-            continue
+    for record in [one for one in records if one.rotation is not None and one.moment is not None]:
         both = [m for theta, m in zip(record.rotation, record.moment, strict=False) if theta != FREE]
         if len(both) == len(record.rotation):
             yield record.wrong('stands beside rotation; give one of the two, or let some of that be "free"', "moment")
@@ -290,64 +273,60 @@ def _turns(case: Case) -> Iterator[Issue]:
 
 def _late(case: Case) -> Iterator[Issue]:
     """Check that a support that begins late does so while the case runs, and before bodies move."""
+    last, moving = case.steps.last, case.dynamics
     for record in case.displacement:
         begin, reached = record.begin, record.reached
-        if reached is not None and begin is None:
-            yield record.wrong("means something only with begin, the time from which on the nodes are held", "reached")
-        if begin is None or case.steps is None or case.steps.last is None:
+        if begin is None:
+            if reached is not None:
+                message = "means something only with begin, the time from which on the nodes are held"
+                yield record.wrong(message, "reached")
             continue
-        if case.dynamics is not None and case.dynamics.start is not None and begin >= case.dynamics.start:
-            why = f"[dynamics] starts at {case.dynamics.start:g}: what moves would stop at once"
+        if moving is not None and begin >= moving.start:
+            why = f"[dynamics] starts at {moving.start:g}: what moves would stop at once"
             yield record.wrong(f"is {begin:g}, and {why}; let it begin before", "begin")
-        elif begin >= case.steps.last:
-            yield record.wrong(f"is {begin:g}, and the steps end at {case.steps.last:g}; let it begin before", "begin")
+        elif begin >= last:
+            yield record.wrong(f"is {begin:g}, and the steps end at {last:g}; let it begin before", "begin")
         if reached is not None and reached <= begin:
             yield record.wrong(f"is {reached:g}, and it begins at {begin:g}; take a later time", "reached")
 
 
 def _rigid_once(case: Case) -> Iterator[Issue]:
     """Check that a group is one rigid body."""
-    taken: set[Any] = set()
-    for record in case.rigid:
-        if record.group is not None and record.group in taken:
-            yield record.wrong(f"is {record.group!r}, which an earlier [[rigid]] has", "group")
-        taken.add(record.group)
+    for record in _repeated(case.rigid, "group"):
+        yield record.wrong(f"is {record.group!r}, which an earlier [[rigid]] has", "group")
 
 
 def _fields(case: Case) -> Iterator[Issue]:
     """Check that gravity and temperature have a material that they act on."""
-    gravity = [] if case.gravity is None else [case.gravity]
-    for records, constant, effect in ((gravity, "density", "weighs"), (case.temperature, "expansion", "expands")):
-        if case.material and not any(constant in record.told() for record in case.material):
+    gravity = () if case.gravity is None else (case.gravity,)
+    for records, constant, effect in (
+        (gravity, "a density", "weighs"),
+        (case.temperature, "an expansion", "expands"),
+    ):
+        if case.material and not any(constant.split()[1] in record.told() for record in case.material):
             for one in records[:1]:
-                yield one.wrong(f"has no effect: no [[material]] has {_article(constant)}, so that nothing {effect}")
-
-
-def _article(noun: str) -> str:
-    """Return the noun with its indefinite article."""
-    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+                yield one.wrong(f"has no effect: no [[material]] has {constant}, so that nothing {effect}")
 
 
 def _engine(case: Case) -> Iterator[Issue]:
     """Check that the linear solver is one of the engine, if that is named."""
     engine, backend = case.solver.engine, case.solver.backend
     fitting = BACKENDS_OF.get(engine, ())
-    if fitting and backend not in (None, "auto", *fitting):
+    if fitting and backend not in ("auto", *fitting):
         others = f'the linear solvers of engine = "{engine}" are auto, {", ".join(fitting)}'
         yield case.solver.wrong(f'is "{backend}"; {others}', "backend")
 
 
 def _output(case: Case) -> Iterator[Issue]:
     """Check that no output time is after the end of the steps."""
-    end = case.steps.last
-    late = [t for t in case.output.times or () if end is not None and t > end]
-    if late:
-        yield case.output.wrong(f"has {late[0]:g}, after the end of the steps at {end:g}", "times")
+    if late := [t for t in case.output.times or () if t > case.steps.last]:
+        yield case.output.wrong(f"has {late[0]:g}, after the end of the steps at {case.steps.last:g}", "times")
 
 
 def _motion(case: Case) -> Iterator[Issue]:
     """Check that bodies that move have a mass, and that the scheme is stable."""
-    if case.dynamics is None:
+    moving, end = case.dynamics, case.steps.last
+    if moving is None:
         for record in case.initial:
             yield record.wrong("means something only with [dynamics]; add that section, or leave this one out")
         return
@@ -356,18 +335,16 @@ def _motion(case: Case) -> Iterator[Issue]:
             groups = ", ".join(map(repr, material.groups or ()))
             where = f"the cells of {groups}" if groups else "the cells"
             yield material.wrong(f"needs a density, for {where} have a mass with [dynamics]")
-    moving, end = case.dynamics, case.steps.last
     beta, gamma, start = moving.beta, moving.gamma, moving.start
-    if moving.scheme == "newmark" and None not in (beta, gamma) and not 0.5 <= gamma <= 2 * beta:
+    if moving.scheme == "newmark" and not 0.5 <= gamma <= 2 * beta:
         message = f"and gamma are {beta:g} and {gamma:g}, which is not stable"
         yield moving.wrong(f"{message}; take gamma >= 1/2 and beta >= gamma / 2", "beta")
-    if None not in (start, end) and start >= end:
+    if start >= end:
         yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; inertia must act in some of them", "start")
     for record in case.initial:
         if record.has("centre") and not record.has("rotation"):
             yield record.wrong("means something only with rotation; give that, or leave it out", "centre")
-    for record in case.initial if start else ():
-        for name in [n for n in ("ux", "uy", "uz") if record.has(n)]:
+        for name in [n for n in ("ux", "uy", "uz") if start and record.has(n)]:
             message = f"means something only with start = 0, and dynamics.start is {start:g}"
             yield record.wrong(f"{message}: the static steps before give the displacement", name)
 
@@ -375,10 +352,8 @@ def _motion(case: Case) -> Iterator[Issue]:
 def _inertia(case: Case) -> Iterator[Issue]:
     """Check that the inertia of rigid bodies has a mass, and is that of a body."""
     space = case.model == "3d"
-    for record in case.rigid:
+    for record in [record for record in case.rigid if record.inertia is not None]:
         inertia = record.inertia
-        if inertia is None:
-            continue
         if not record.has("mass"):
             yield record.wrong("needs the mass that it is of; give mass too", "inertia")
         if space != isinstance(inertia, tuple):
@@ -389,27 +364,7 @@ def _inertia(case: Case) -> Iterator[Issue]:
 
 
 RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
-    _materials,
-    _groups_once,
-    _pairs,
-    _creases,
-    _constants,
-    _contacts,
-    _friction,
-    _names,
-    _prescribed_once,
-    _rigid_once,
-    _sections,
-    _turns,
-    _late,
-    _equations,
-    _round_axes,
-    _springs,
-    _moments,
-    _sectors,
-    _fields,
-    _motion,
-    _inertia,
-    _engine,
-    _output,
+    *(_materials, _groups_once, _constants, _fields, _pairs, _creases, _contacts, _friction, _names),
+    *(_prescribed_once, _late, _rigid_once, _inertia, _turns, _groups_of_joints, _round_axes, _springs, _sectors),
+    *(_sections, _motion, _engine, _output),
 )

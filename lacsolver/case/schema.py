@@ -4,23 +4,14 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
-from dataclasses import MISSING
 from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
 
 from lacsolver.case.case import Case
 from lacsolver.case.formula import CONSTANTS, FUNCTIONS, VARIABLES
-from lacsolver.case.keys import (
-    ANY,
-    MODELS,
-    Key,
-    Section,
-    defaults_of,
-    is_required,
-    keys_of,
-    sections_of,
-    told_default,
-)
-from lacsolver.case.kinds import Choice, Schema
+from lacsolver.case.keys import Key, Section, defaults_of, keys_of, sections_of, told_default
+from lacsolver.case.kinds import Schema
 
 _WIDE = 118
 
@@ -49,26 +40,17 @@ def _section_text(record: Any) -> Iterator[str]:
     yield f"{section.header}  {section.meaning}" if section.name else "# the top of the file"
     for name, key in keys_of(record).items():
         default = told_default(key, defaults_of(record)[name])
-        words = "one of these" if isinstance(key.kind, Choice) else key.kind.words
+        words = "one of these" if key.kind.options else key.kind.words
         takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
-        text = "; ".join([key.meaning, *_conditions(key)])
         without = default if default == "required" else f"default {default}" if default else "optional"
         yield textwrap.fill(
-            f"{text}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
+            f"{key.text}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
         )
-        if isinstance(key.kind, Choice):
-            for word, meaning in key.kind.options.items():
-                kinematics = key.kind.kinematics.get(word)
-                only = f" (kinematics: {kinematics})" if kinematics else ""
-                yield f"{'':27}{word}: {meaning}{only}"
+        for word, meaning in key.kind.options.items():
+            kinematics = key.kind.kinematics.get(word)
+            only = f" (kinematics: {kinematics})" if kinematics else ""
+            yield f"{'':27}{word}: {meaning}{only}"
     yield from (f"  {rule}" for rule in _rules(section))
-
-
-def _conditions(key: Key) -> list[str]:
-    """Return the conditions under which a key is allowed, in words."""
-    conditions = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
-    conditions += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
-    return conditions + ([f"with {key.needs.key} = {' or '.join(key.needs.values)}"] if key.needs else [])
 
 
 def _rules(section: Section) -> list[str]:
@@ -78,47 +60,41 @@ def _rules(section: Section) -> list[str]:
     return rules + [f"not both {one} and {other}" for one, other in section.not_both]
 
 
+class _Generator(GenerateJsonSchema):
+    """JSON Schema as editors of TOML take it: no titles, and defaults only where a file could have them."""
+
+    def default_schema(self, schema: Any) -> Schema:
+        """Return the schema of a field that has a default."""
+        made: Schema = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        return {**made, "default": default} if isinstance(default, (bool, int, float, str)) else made
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Return False: the name of a key is its title."""
+        return False
+
+
 def json_schema() -> Schema:
     """Return the table in JSON Schema (draft 7), by which editors check and complete TOML.
 
     It holds the rules of each row and section; only `validate` checks rules on the model or between sections.
     """
-    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "A case of lacsolver", **_table_schema(Case)}
+    made = Case.model_json_schema(schema_generator=_Generator)
+    records = made.pop("$defs")
+    made["required"] = ["mesh", *made["required"]]
+    title = {"$schema": "http://json-schema.org/draft-07/schema#", "title": "A case of lacsolver"}
+    return {**_inlined(made, records), **title}
 
 
-def _table_schema(record: Any) -> Schema:
-    section, defaults = record.SECTION, defaults_of(record)
-    properties = {name: _key_schema(key, defaults[name]) for name, key in keys_of(record).items()}
-    if record is Case:
-        properties |= {name: _section_schema(section) for name, section in sections_of(Case).items()}
-    schema: Schema = {
-        "type": "object",
-        "description": section.meaning,
-        "properties": properties,
-        "additionalProperties": False,
-        "required": [name for name, key in keys_of(record).items() if is_required(key, defaults[name])],
-    }
-    rules: list[Schema] = [{"oneOf": [{"required": [name]} for name in names]} for names in section.one_of]
-    rules += [{"anyOf": [{"required": [name]} for name in names]} for names in section.some_of]
-    rules += [{"not": {"required": list(pair)}} for pair in section.not_both]
-    rules += [
-        {"anyOf": [{"required": [name]}, {"required": [key.unless]}]}
-        for name, key in keys_of(record).items()
-        if key.unless
-    ]
-    return schema | ({"allOf": rules} if rules else {})
-
-
-def _section_schema(record: Any) -> Schema:
-    schema = _table_schema(record)
-    return {"type": "array", "items": schema} if record.SECTION.several else schema
-
-
-def _key_schema(key: Key, default: Any) -> Schema:
-    description = "; ".join([key.meaning, *_conditions(key), *([f"unit: {key.unit}"] if key.unit else [])])
-    schema = {**key.kind.schema, "description": description}
-    plain = isinstance(default, (bool, int, float, str))
-    return schema | ({"default": default} if plain and default is not MISSING else {})
+def _inlined(schema: Any, records: Schema) -> Any:
+    """Return a schema with those that it refers to in their places."""
+    if isinstance(schema, list):
+        return [_inlined(one, records) for one in schema]
+    if not isinstance(schema, dict):
+        return schema
+    whole = records[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else {}
+    own = {name: one for name, one in schema.items() if name != "$ref"}
+    return {name: _inlined(one, records) for name, one in {**whole, **own}.items()}
 
 
 def page_tables() -> dict[str, str]:
@@ -135,15 +111,14 @@ def _key_table(record: Any) -> Iterator[str]:
     for name, key in keys_of(record).items():
         default = told_default(key, defaults_of(record)[name])
         takes = f"{key.kind.words}{', ramped' if key.load else ''}"
-        text = "; ".join([key.meaning, *_conditions(key)])
-        yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {text} |"
+        yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {key.text} |"
     rules = _rules(section)
     if rules:
         yield f"\n{'; '.join(rules)[0].upper()}{'; '.join(rules)[1:]}."
 
 
 def _takes(key: Key, words: str) -> str:
-    if not isinstance(key.kind, Choice):
+    if not key.kind.options:
         return words
     only = key.kind.kinematics
     return "<br>".join(

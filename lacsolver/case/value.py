@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.errors import EvaluationError, Mistake
-from lacsolver.case.formula import Formula, parse_formula
+from lacsolver.case.formula import Formula, evaluate, parse_formula
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
@@ -96,8 +96,6 @@ class Value:
         import numpy as np
 
         if isinstance(self.source, Formula):
-            from lacsolver.case.evaluate import evaluate
-
             place = dict(zip("xyz", points.T, strict=False))
             return evaluate(self.source, {"z": 0.0, **place, "t": t})
         assert callable(self.source)
@@ -147,7 +145,7 @@ def value_from(given: Any) -> Source:
         return function
     if isinstance(given, str):
         return parse_formula(given)
-    given = given.tolist() if hasattr(given, "tolist") else given
+    given = plain(given)
     if isinstance(given, (list, tuple)):
         return _table(given)
     return number_from(given, "a number, a formula of x, y, z, t, or a table [[t, value], ...]")
@@ -155,7 +153,7 @@ def value_from(given: Any) -> Source:
 
 def number_from(given: Any, wanted: str = "a number") -> float:
     """Return a finite number from a Python or numpy one. Raises Mistake."""
-    given = given.item() if getattr(given, "shape", None) == () else given
+    given = plain(given)
     if isinstance(given, bool) or not isinstance(given, (int, float)):
         raise Mistake(f"is {described(given)}; it takes {wanted}")
     try:
@@ -182,6 +180,11 @@ def _table(given: Sequence[Any]) -> TimeTable:
             raise Mistake(f"has time {t:g} after {rows[-1][0]:g} in its table; times increase", (k,))
         rows.append((t, v))
     return tuple(rows)
+
+
+def plain(given: Any) -> Any:
+    """Return an array of numpy as lists, anything else as it is."""
+    return given.tolist() if hasattr(given, "tolist") else given
 
 
 def described(given: Any) -> str:

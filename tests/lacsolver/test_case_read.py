@@ -25,7 +25,6 @@ from lacmesh.errors import LacmeshError, ReadError
 from lacmesh.surface.points import NORMALS
 from lacsolver.case import Case, CaseError, Contact, Cyclic, parse_case, read_case
 from lacsolver.case.keys import defaults_of, keys_of, sections_of, told_default
-from lacsolver.case.kinds import Choice
 from lacsolver.case.lines import Lines
 from lacsolver.case.schema import json_schema, page_tables, records, schema_text
 from lacsolver.cli import main
@@ -152,6 +151,50 @@ def test_one_mistake(text, said):
         assert [p.line for p in problems] == marked
         assert str(error.value).startswith(f"press.toml, line {marked[0]}: ")
     assert error.value.status == 1 and error.value.path == "press.toml"
+
+
+SEVERAL = """mesh = "a.msh"
+modle = "3d"
+[[material]]
+young = -1.0
+poison = 0.3
+[[contact]]
+slave = "a"
+friktion = 0.2
+clearance = "sine(x)"
+[[contact]]
+slave = "a"
+master = "a"
+place = "here"
+[steps]
+count = 0
+"""
+TOGETHER = """mesh = "a.msh"
+model = "3d"
+material = [{ young = 1.0, poisson = 0.3 }]
+[[contact]]
+slave = "a"
+[[contact]]
+slave = "a"
+master = "a"
+"""
+
+
+def test_all_mistakes_of_keys_come_at_once_and_rules_between_them_when_keys_are_right():
+    with pytest.raises(CaseError) as error:
+        parse_case(SEVERAL, "press.toml")
+    lines = [problem.line for problem in error.value.problems]
+    assert lines == [None, 2, 4, 5, 8, 9, 13, 15], str(error.value)
+    assert "contact.place is no key of [[contact]]" in str(error.value)
+    with pytest.raises(CaseError) as error:
+        parse_case(TOGETHER, "press.toml")
+    said = [(problem.line, problem.message.split(";")[0]) for problem in error.value.problems]
+    assert said == [
+        (4, "[[contact]] needs master or surfaces"),
+        (7, "contact.slave is 'a', the slave of an earlier one"),
+        (7, "contact.slave calls it 'a', as an earlier one is"),
+        (8, "contact.master is 'a', the slave itself"),
+    ]
 
 
 NO_TOML = [
@@ -447,8 +490,7 @@ def test_schemas_have_every_key_with_its_meaning_and_unit():
             assert table.get("items", table)["properties"][name]["description"].startswith(key.meaning)
             assert re.search(rf"^  {name} ", part, re.MULTILINE), name
             assert not key.unit or f"[{key.unit}]" in re.sub(r"\s+", " ", part), name
-            options = key.kind.options.items() if isinstance(key.kind, Choice) else ()
-            assert all(f"  {word}: {meaning}" in part for word, meaning in options), name
+            assert all(f"  {word}: {meaning}" in part for word, meaning in key.kind.options.items()), name
 
 
 def test_examples_of_the_page(fresh, capsys):

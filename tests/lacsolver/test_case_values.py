@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import copy
 import math
+import pickle
 import re
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
@@ -34,8 +36,7 @@ from lacsolver.case import (
     parse_case,
 )
 from lacsolver.case.errors import Mistake
-from lacsolver.case.evaluate import evaluate
-from lacsolver.case.formula import CONSTANTS, FUNCTIONS, LONGEST, OPERATORS, VARIABLES, parse_formula
+from lacsolver.case.formula import CONSTANTS, FUNCTIONS, LONGEST, OPERATORS, VARIABLES, evaluate, parse_formula
 from tests.problems import PROBLEMS, case_of
 
 # ---- formulas
@@ -347,6 +348,20 @@ def test_records_are_frozen_equal_by_what_they_say_and_shown_as_they_could_be_gi
     body = Rigid(group="a", ux="sin(t)", rotation=[0, "0.1 * t", [[0, 0], [1, 0.5]]])
     assert repr(body) == "Rigid(group='a', ux='sin(t)', rotation=(0.0, '0.1 * t', ((0.0, 0.0), (1.0, 0.5))))"
     assert eval(repr(body)) == body
+
+
+def test_copies_of_records_are_checked_and_keep_their_place():
+    (one,) = parse_case(HEAD + '[[pressure]]\ngroup = "a"\nvalue = 1\n', "press.toml").pressure
+    assert one.place == "press.toml, line 4"
+    assert {field.name for field in fields(one)} == {"group", "value", "follower", "place"}
+    for copied in (replace(one, value="x"), one.model_copy(update={"value": "x"})):
+        assert copied.value(POINTS, 0.0).tolist() == [0.0, 1.0, 0.5]
+        assert copied.place == one.place and copied != one and len({copied, one}) == 2
+    with pytest.raises(CaseError, match=r"^press.toml, line 4: pressure\.value is true"):
+        one.model_copy(update={"value": True})
+    with pytest.raises(TypeError, match=r"pressure.grup is no key of \[\[pressure\]\]; did you mean group"):
+        Pressure(grup="a", group="a", value=1.0)
+    assert pickle.loads(pickle.dumps(one)) == one == copy.deepcopy(one)
 
 
 # ---- the same case

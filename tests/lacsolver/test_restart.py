@@ -27,8 +27,8 @@ from lacmesh.errors import DataError
 from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacsolver import Contact, Material, Rigid, Solver, Steps, run
 from lacsolver.case import changed, fingerprint, fingerprint_as
-from lacsolver.case.row_sums import ROWS, row_sums
 from lacsolver.cli import main
+from lacsolver.distributed.mesh_digest import ROWS, row_sums
 from lacsolver.output.states import read_state
 from tests.lacsolver.patch_meshes import three_blocks
 from tests.lacsolver.tables import table
