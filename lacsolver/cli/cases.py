@@ -85,7 +85,6 @@ def import_(
 ) -> None:
     """Write the mesh and the case file of a deck of CalculiX or Abaqus (.inp).
 
-    $ lacsolver import punch.inp
     $ lacsolver import engine.inp --partial
     $ lacsolver import model.inp --lenient -o model.toml
     """
