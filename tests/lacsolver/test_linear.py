@@ -200,8 +200,7 @@ def test_every_backend_solves_or_is_missing(solve, backend):
 
 def test_engines_and_cores(solve):
     """One process takes all cores where no number is given; engines of several are not taken for the serial one."""
-    (entry,) = [k for k in Solver.__dataclass_fields__.values() if k.name == "backend"]
-    assert {*entry.metadata["key"].kind.options} == {"auto", *backends(), *BACKENDS_OF["petsc"]}
+    assert {*Solver.KEYS["backend"].kind.options} == {"auto", *backends(), *BACKENDS_OF["petsc"]}
     assert [threads for _, threads in solve()] == [7]
     for engine in ("auto", "serial"):
         solve(engine=engine)

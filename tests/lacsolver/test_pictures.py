@@ -383,7 +383,9 @@ def test_fields_are_read_and_exported_whatever_the_format(tmp_path, capsys):
     for words, status, says in (
         (["--to", "med"], 2, "exists already"),
         (["--to", "med", "-o", "a.vtu"], 2, "exported as .med"),
-        ([], 2, "--to"),
+        ([], 2, "exists already"),
+        (["--to", "inp"], 2, "name its CASE.toml"),
+        (["--partial"], 2, "leave it out"),
     ):
         assert main(["export", str(folder), *words]) == status and says in capsys.readouterr().err
 
