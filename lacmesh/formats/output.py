@@ -84,18 +84,17 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
                 name.unlink()
 
 
-def is_abandoned(beside: Path, *, locked: bool = False) -> bool:
+def is_abandoned(beside: Path) -> bool:
     """True if the process that was filling a new file beside its place is gone, judged by the file's name.
 
-    This is not known of processes on other machines, of files of an older lacmesh, or of a file with this process's own
-    number: such a file is abandoned only if the folder is `locked`, so that nobody else writes into it.
+    Files of processes on other machines, of an older lacmesh, or with this process's own number count as in use.
     """
     marks = re.search(r"-([0-9a-f]{8})([0-9a-f]{8})[0-9a-f]{8}\.[^-]*$", beside.name)
     if marks is None or marks[1] != _HOST or os.name != "posix":
-        return locked
+        return False
     number = int(marks[2], 16)
     if number == os.getpid():
-        return locked
+        return False
     try:
         os.kill(number, 0)
     except (ProcessLookupError, OverflowError):

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from html import escape
 from importlib import import_module
 
-_STYLE = """body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 70rem; padding: 0 1rem }
+_STYLE = """body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733 }
+body { margin: 2rem auto; max-width: 70rem; padding: 0 1rem }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums } td, th { padding: .2rem .7rem }
 th { text-align: left; border-bottom: 2px solid #c9d1da } td { border-bottom: 1px solid #e2e5e8 }
 img { max-width: 100% } pre { background: #f5f6f7; padding: .7rem; overflow: auto }"""

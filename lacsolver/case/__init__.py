@@ -8,7 +8,7 @@ The rows of the table also give the schemas and the page of docs (schema). numpy
 """
 
 from lacsolver.case.case import Case, Dynamics, Initial, Output, Probe, Solver, Steps
-from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
+from lacsolver.case.digest import changed, digest, fingerprint
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
 from lacsolver.case.joints import Coupling, Cyclic, Equation, Pretension, Spring
@@ -61,7 +61,6 @@ __all__ = [
     "check_groups",
     "digest",
     "fingerprint",
-    "fingerprint_as",
     "parse_case",
     "read_case",
 ]

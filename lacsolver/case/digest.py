@@ -43,18 +43,6 @@ def fingerprint(case: Case, mesh: Mesh, share: Share | None = None) -> dict[str,
     return {"mesh": mesh_print, **digests}
 
 
-def fingerprint_as(before: Mapping[str, str], prints: Mapping[str, str], case: Case, mesh: Mesh) -> Mapping[str, str]:
-    """Return the fingerprint `prints` of a case with the digest of its mesh made as in the fingerprint `before`.
-
-    The older digest is that of the mesh, or the part of a mesh, that a process has.
-    """
-    from lacsolver.distributed.mesh_digest import BY_ROWS, older_mesh_digest
-
-    if before.get("mesh", "").startswith(BY_ROWS):
-        return prints
-    return {**prints, "mesh": older_mesh_digest(_groups(case), mesh)}
-
-
 def digest(case: Case, mesh: Mesh) -> str:
     """Return one digest of a whole case and its mesh."""
     return _digest(json.dumps(fingerprint(case, mesh), sort_keys=True).encode())

@@ -26,8 +26,6 @@ ROWS = 1 << 13
 _STEP = np.uint64(0x9E3779B97F4A7C15)
 _SHIFTS = (np.uint64(30), np.uint64(27), np.uint64(31))
 _FACTORS = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
-#: how the digest begins; that of an older version, which processes with parts could not make, does not
-BY_ROWS = "rows:"
 
 
 def mesh_digest(groups: Sequence[str], mesh: Mesh, share: Share = ALONE) -> str:
@@ -35,7 +33,7 @@ def mesh_digest(groups: Sequence[str], mesh: Mesh, share: Share = ALONE) -> str:
     sums = np.zeros(2, np.uint64)
     for name, index, values in _rows(groups, mesh, share):
         sums += row_sums(name, index, values)
-    return BY_ROWS + hashlib.sha256(f"{list(mesh.zones)} {share.total(sums).tolist()}".encode()).hexdigest()[:32]
+    return hashlib.sha256(f"{list(mesh.zones)} {share.total(sums).tolist()}".encode()).hexdigest()[:32]
 
 
 def _rows(groups: Sequence[str], mesh: Mesh, share: Share) -> Iterator[tuple[str, Ints, NDArray]]:
@@ -81,18 +79,6 @@ def _groups(groups: Sequence[str], mesh: Mesh) -> Iterator[tuple[str, Ints]]:
             yield f"cell group {name}", mesh.cells_of(name)
         if name in mesh.node_groups:
             yield f"node group {name}", mesh.node_groups[name]
-
-
-def older_mesh_digest(groups: Sequence[str], mesh: Mesh) -> str:
-    """Return the digest of a mesh as versions before `BY_ROWS` made it, of whole arrays."""
-    digest = hashlib.sha256(f"zones {mesh.zones}".encode())
-    arrays = [("points", mesh.points + 0.0), *((f"cells {block.type}", block.nodes) for block in mesh.blocks)]
-    records = (name for name in ("lac_macro", "lac_zone") if name in mesh.cell_data)
-    arrays += [(f"record {name}", mesh.cell_data[name]) for name in records]
-    for name, values in (*arrays, *_groups(groups, mesh)):
-        digest.update(f"{name} {values.shape}".encode())
-        digest.update(values.astype("float64" if name == "points" else "int64").tobytes())
-    return digest.hexdigest()[:32]
 
 
 def row_sums(name: str, index: Ints, values: NDArray) -> NDArray[np.uint64]:
