@@ -380,5 +380,6 @@ def _residual(
         size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
         return ForceTerms(np.abs(f) + size + abs(contact.rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
-    off = equilibrium_residual(f - inner - forces, force, terms if exact else None, tolerance, q)
-    return Residual(off, tolerance.relative_gap(contact.residuals(p, active), contact.rows.B, q))
+    balance, relative = equilibrium_residual(f - inner - forces, force, terms if exact else None, tolerance, q)
+    gap = tolerance.relative_gap(contact.residuals(p, active), contact.rows.B, q)
+    return Residual(balance, gap, relative=relative)

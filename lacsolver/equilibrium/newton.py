@@ -341,4 +341,5 @@ def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceToleran
     closing = contact.rows.B_T @ (contact.skin_stiffness * gaps)
     merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
     gap = tolerance.relative_gap(gaps, contact.rows.B, at.q)
-    return Residual(equilibrium_residual(off, largest, there.terms, tolerance, at.q), gap, merit)
+    balance, relative = equilibrium_residual(off, largest, there.terms, tolerance, at.q)
+    return Residual(balance, gap, merit, relative)

@@ -71,7 +71,7 @@ def search(
     number = 0
     for number, trial in enumerate(trials, 1):
         closed = trial.iterate.active
-        now = trial.residual.balance, trial.residual.gap
+        now = trial.residual.relative, trial.residual.gap
         residuals += [*[residuals[-1] if residuals else now] * (trial.solves - 1), now]
         applications += trial.applications
         same = trial.solves == 1 and before is not None and np.array_equal(before, closed)

@@ -24,11 +24,15 @@ _ROWS = 20_000
 
 
 class Residual(NamedTuple):
-    """Residuals of a state: relative ones of forces and gaps, and `merit`, a force that grows with both."""
+    """Residuals of a state: relative ones of forces and gaps, and `merit`, a force that grows with both.
+
+    `balance` is relative to forces or to their round-off, as the tolerance is, and `relative` to forces, for people.
+    """
 
     balance: float
     gap: float
     merit: float = np.nan
+    relative: float = np.nan
 
 
 class LinearTolerance(NamedTuple):
@@ -140,23 +144,24 @@ def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
 
 def equilibrium_residual(
     r: Floats, force: Floats | float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance, q: Floats
-) -> float:
+) -> tuple[float, float]:
     """Return the residual of the force balance relative to the largest `force` on the body of each unknown.
 
-    A residual within the round-off of its sum, or of the coordinates that gaps come from, is below the tolerance.
-    r (n,): residual of each sum of forces at q (n,). `terms()`: terms of the sums, computed only if the tolerance is
-    not met; None if the sums are exact.
+    The first number is relative to the round-off of the sums or of the coordinates that gaps come from, where that is
+    more; the second one only where the residual is within that round-off. r (n,): residual of each sum of forces at
+    q (n,). `terms()`: terms of the sums, computed only if the tolerance is not met; None if the sums are exact.
     """
     vectors, force = tolerance.vectors, np.maximum(force, 1e-300)
     off = vectors.largest(r / force)
-    if terms is not None and off > tolerance.tolerance:
-        summed = terms()
-        # Without a load forces come from gaps, which the round-off of coordinates limits, of each body by its own size.
-        # Where gaps are linear, one solve gives all bodies by modes that move several: the largest counts for all.
-        extent = max(tolerance.scale(q), tolerance.length) * (vectors.size if tolerance.length else 1.0)
-        moves = np.maximum(vectors.largest_of_body(q), extent)
-        of_sums = summed.rounding(vectors)
-        least = np.maximum(of_sums, ROUNDING * moves * summed.K)
-        limit = np.where(np.abs(r) <= least, least, of_sums)
-        off = vectors.largest(r / np.maximum(force, limit / tolerance.tolerance))
-    return off
+    if terms is None or off <= tolerance.tolerance:
+        return off, off
+    summed = terms()
+    # Without a load forces come from gaps, which the round-off of coordinates limits, of each body by its own size.
+    # Where gaps are linear, one solve gives all bodies by modes that move several: the largest counts for all.
+    extent = max(tolerance.scale(q), tolerance.length) * (vectors.size if tolerance.length else 1.0)
+    moves = np.maximum(vectors.largest_of_body(q), extent)
+    of_sums = summed.rounding(vectors)
+    least = np.maximum(of_sums, ROUNDING * moves * summed.K)
+    shown = np.where(np.abs(r) <= least, least, of_sums)
+    balance, relative = (vectors.largest(r / np.maximum(force, one / tolerance.tolerance)) for one in (least, shown))
+    return balance, relative
