@@ -25,7 +25,7 @@ from lacsolver.cli import main, ranks
 from lacsolver.cli.ranks import check_alone
 from lacsolver.matrices import contact_matrices, read_matrices
 from tests.bad_input.case import alarm, listing, nobody, small_files
-from tests.lacsolver.bad_cases import CASES, GOOD, blocks, put
+from tests.lacsolver.bad_cases import CASES, GOOD, HEAVY, blocks, put
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.tables import table
 
@@ -212,6 +212,15 @@ def test_validate_tells_what_would_be_solved_and_counts_as_the_run_does(printed,
     unknowns = int(re.search(r"unknowns ([\d,]+) of", text)[1].replace(",", ""))
     printed("run case.toml -q")
     assert results()["sizes"]["unknowns"] == unknowns
+
+
+@pytest.mark.parametrize(("young", "words"), [(1000.0, "36.69"), (4000.0, "36.69 to 73.3799")])
+def test_validate_tells_the_wave_speeds_of_all_materials(printed, young, words):
+    """From sqrt(E (1 - nu) / (1 + nu) / (1 - 2 nu) / rho) of the softest to that of the stiffest."""
+    one = HEAVY[HEAVY.index("[[material]]") : HEAVY.index("[[contact]]")]
+    laws = (one.replace("young", f'groups = ["{name}"]\nyoung') for name in ("lower", "upper"))
+    case(HEAVY.replace(one, "".join(laws).replace("1000.0", str(young), 1)) + "[dynamics]\n[steps]\ncount = 4\n")
+    assert f"wave speeds {words} cells crossed" in printed("validate case.toml")
 
 
 #: a mesh, and what is said of its cut; an edge of three nodes owns its middle node: the mesh stays as it is

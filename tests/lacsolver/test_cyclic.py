@@ -203,6 +203,8 @@ def test_the_zones_of_a_whole_ring_are_those_of_the_sector_turned():
     np.testing.assert_allclose(force[:2], 0, atol=1e-12 * abs(force[2]))
     np.testing.assert_allclose(zone.friction.resultant[:2], 0, atol=1e-12 * abs(force[2]))
     middle = whole.points[zone.surface.faces.corners[:, :3]].mean(axis=1)
+    ((_, _, nodes),) = whole.select(zone.surface.cell)
+    np.testing.assert_array_equal(np.sort(nodes), np.sort(zone.surface.faces.nodes[:, : nodes.shape[1]]))
     radius = np.hypot(*middle.T[:2]).reshape(6, -1)
     np.testing.assert_allclose(radius, np.broadcast_to(radius[0], radius.shape))
     with pytest.raises(RequestError, match=r"no \[\[cyclic\]\]"):

@@ -62,6 +62,14 @@ def check(s, outcome, enforceable=None, equality=None):
     np.testing.assert_allclose(outcome.contact.G, s.G - s.B @ q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+def test_the_energy_of_a_step_is_least_where_springs_have_the_pressure_of_the_balance(unit):
+    """Half of what they have at the end of the step, in which a gap of 1 becomes an overlap of 1."""
+    soft = contact(complementarity(np.eye(1), np.zeros(1)))(np.ones(1)).with_springs(unit)
+    half = np.full(1, 0.5 / unit)
+    assert soft.least_energy(np.ones(1), half, half) == pytest.approx(0.75)
+
+
 @pytest.mark.rows("none")
 @pytest.mark.fuzz
 @FROM_EVERY_START

@@ -254,7 +254,7 @@ def states_of(case):
     return problem, states, work
 
 
-@pytest.mark.rows("('plane_strain', 'reference')")
+@pytest.mark.rows("('plane_strain', 'reference')", "('plane_strain', 'current')")
 @pytest.mark.parametrize("way", WAYS[:3], ids=str)
 def test_the_parts_are_those_of_the_states(way):
     problem, states, work = states_of(rubbed(*way))
@@ -263,6 +263,9 @@ def test_the_parts_are_those_of_the_states(way):
     K = problem.kinematics.tangent(np.zeros_like(u), 1.0)
     assert own.strain == pytest.approx(0.5 * u @ (K @ u), rel=1e-9)
     assert own.dissipation == pytest.approx(states[-1].zones[0].friction.energy[1], rel=1e-8) and own.dissipation > 0
+    (pair,) = problem.joints
+    pressing = work(lambda state: pair.integrate(problem.space, state.u, state.time).B.T @ state.zones[0].pressure)
+    assert own.pressures == pytest.approx(pressing, rel=1e-9, abs=1e-12)
     rubbing = work(lambda state: -state.zones[0].force.ravel()) - own.pressures  # of friction, by mean forces
     assert own.left == pytest.approx(rubbing - own.dissipation, rel=1e-6)
     assert own.external == pytest.approx(own.strain + own.dissipation + own.pressures + own.left, rel=1e-12)

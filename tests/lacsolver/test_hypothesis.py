@@ -23,6 +23,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.alternation import alternating, roughness
+from lacsolver.results.state import CONTACT
 from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
@@ -140,6 +141,16 @@ def test_the_roughness_of_a_checkerboard_is_one_and_of_what_falls_evenly_none():
     assert roughness(zone, (order % 2).astype(float)) == 1.0
     assert roughness(zone, 5.0 + order) == pytest.approx(0.0, abs=1e-15)
     assert list(alternating(problem, [*march(problem)][-1])) == []
+
+
+@pytest.mark.parametrize(("joint", "count"), [(Contact, 1), (Tie, 0)])
+def test_pressures_that_alternate_inside_are_told_of_contact_alone(joint, count):
+    problem = problem_of(case(2, ("master", "slave"), joint=joint, of=mesh(2, 8, 20)))
+    *_, state = march(problem)
+    (zone,) = state.zones
+    rough = replace(zone, pressure=np.arange(len(zone.pressure)) % 2 + 0.5, status=np.full(len(zone.status), CONTACT))
+    told = list(alternating(problem, replace(state, zones=(rough,))))
+    assert ["inside the area of contact" in one for one in told] == [True] * count
 
 
 @pytest.mark.shared

@@ -190,6 +190,20 @@ def test_constants_that_are_equal_at_all_temperatures(tmp_path):
     assert imported(tmp_path, text + held() + step("")).case.material[0].young == 1000
 
 
+@pytest.mark.parametrize(
+    "card, hardening, slope",
+    [
+        ("\n2., 0.\n3., 0.02\n", ((2.0, 0.0), (3.0, 0.02)), 0.0),
+        (", HARDENING=KINEMATIC\n2., 0.\n3., 0.02\n", ((2.0, 0.0),), 50.0),
+        (", HARDENING=KINEMATIC\n2., 0.\n3., 0.02\n5., 0.06\n", ((2.0, 0.0),), 50.0),
+    ],
+)
+def test_metals_that_yield(tmp_path, card, hardening, slope):
+    """Kinematic hardening is linear: lines beyond the second one may have no other slope."""
+    (metal,) = imported(tmp_path, bodies(COLUMN, more=f"*PLASTIC{card}") + held() + step("")).case.material
+    assert (metal.law, metal.hardening) == ("plastic", hardening) and metal.kinematic == pytest.approx(slope)
+
+
 def test_modes_with_nodal_diameters_are_warned_of(tmp_path):
     modes = "*STEP, PERTURBATION\n*FREQUENCY\n3\n*SELECT CYCLIC SYMMETRY MODES, NMIN=0, NMAX=2\n*END STEP\n"
     made = imported(tmp_path, bodies(COLUMN) + held() + step("*DLOAD\nB_EZ1, P2, 4.\n") + modes)

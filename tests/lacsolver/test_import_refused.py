@@ -178,6 +178,7 @@ REFUSED = [
     (BOLT.format(1), "*CLOAD\n1, 1, 1.\n", "PRE-TENSION SECTION", "a node of its own"),
     (BOLT.format(99), "*CLOAD\nB_Z1, 3, 1.\n", "PRE-TENSION SECTION", "node 99 has no"),
     ("", "*BOUNDARY, FIXED\nB_Z1, 3\n", "BOUNDARY", "is taken from the second step on"),
+    ("", NEXT + "*STATIC\n*BOUNDARY, FIXED\nB_Z1, 3, 4\n", "BOUNDARY", "of solid elements in directions 1 to 3"),
     *(
         (f"{POINT}*ELEMENT, TYPE={kind}, ELSET=P\n77, 1, {node}\n*SPRING, ELSET=P{rows}", "", "SPRING", words)
         for kind, node, rows, words in (
@@ -224,6 +225,22 @@ def test_refused(tmp_path, model, loads, card, words):
     assert at[2] == card
     begun = [k for k, line in enumerate(lines[: int(at[1])]) if line.startswith("*")]
     assert lines[begun[-1]].upper().startswith(f"*{card}")
+
+
+@pytest.mark.parametrize(
+    ("model", "loads", "words", "wrong"),
+    [
+        ("", NEXT + "*DYNAMIC\n0.1, 1.\n*BOUNDARY\nB_Z1, 3\nB_Z1, 1\n", "this support begins", ["B_Z1, 3", "B_Z1, 1"]),
+        (M + "*ELASTIC\n1., 0.\n*PLASTIC\n2., 0.\n3., 1.\n4., 2., 500.\n", "", "values that depend", ["4., 2., 500."]),
+    ],
+)
+def test_what_is_refused_is_told_with_its_line(tmp_path, model, loads, words, wrong):
+    """A support not with one of other nodes in the same direction, or of its nodes in another one."""
+    text = deck(model, loads)
+    with pytest.raises(CaseError, match=words) as caught:
+        imported(tmp_path, text)
+    told = re.findall(rf"line (\d+): \*[A-Z]+: {words}", str(caught.value))
+    assert [text.splitlines()[int(line) - 1] for line in told] == wrong
 
 
 GOOD = deck("", LOAD)

@@ -25,6 +25,7 @@ from lacsolver.case import Solver
 from lacsolver.case.rules import BACKENDS_OF
 from lacsolver.linear import MULTIGRID_ABOVE, Backend, LinearError, SingularError, analyse, backends, choose
 from lacsolver.linear.direct.reserve import warn_once
+from lacsolver.linear.vectors import SharedVectors
 from lacsolver.output import create_output
 from lacsolver.running import run
 from tests import REPOSITORY
@@ -447,6 +448,16 @@ def test_superlu_takes_the_place_of_rslab_that_fails_and_it_is_said_once(failing
             np.testing.assert_allclose(x, np.linalg.solve(INDEFINITE.toarray(), b), rtol=1e-13)
     assert len(told) in (1, 2) and analysis.backend == "superlu" and analysis.note == str(told[0].message)
     assert factor.n_solves == 2
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_products_of_several_processes_are_those_of_one(size):
+    """Each has its own of six unknowns, and all have the three pressures that follow them."""
+    rng, each = np.random.default_rng(0), np.arange(6) % size
+    A, x = rng.normal(size=(2, 9)), rng.normal(size=9)
+    alone = (SimpleNamespace(rank=rank, total=lambda part: part) for rank in range(size))
+    parts = [SharedVectors(each == comm.rank, lambda own: own, comm).dots(A, x) for comm in alone]
+    np.testing.assert_allclose(np.sum(parts, axis=0), A @ x, rtol=1e-14)
 
 
 def test_refinement_mends_a_factor_that_is_off_by_little(failing):

@@ -246,6 +246,8 @@ def test_the_smoother_with_rows_by_dense_algebra():
     L = np.linalg.inv(bounded(inverse, N, SERIAL)) - M
     least = np.linalg.eigvalsh(block_diag(L).toarray() - dense.T @ dense)[0]
     assert -1e-4 < least < 1e-2  # a bound, and one that is reached
+    soft = np.linalg.inv(bounded((100 * inverse).astype(np.float32), N, SERIAL)) - M / 100
+    np.testing.assert_allclose(soft, L, atol=1e-3 * np.abs(L).max())  # which part a body has depends on no unit
     Q = np.linalg.qr(rng.normal(size=(b, b)))[0].astype(np.float32)
     other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape), SERIAL)
     np.testing.assert_allclose(other, Q @ bounded(inverse, N, SERIAL) @ Q.T, atol=1e-5)

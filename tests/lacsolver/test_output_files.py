@@ -170,11 +170,16 @@ PVD = b'<VTKFile><Collection><DataSet file="a"/></Collection></VTKFile>'
             *("history.csv", b"time,iterations\n0.25,5\n0.5", lambda path: History(path.parent, end=1.0)),
             "line 3: has a row",
         ),
+        ("history.csv", b"time\nnever\n", lambda path: History(path.parent, end=1.0), r"\(could not convert .*never"),
+        ("history.csv", None, lambda path: History(path.parent, end=1.0), r"cannot be read \(Is a directory\)"),
         ("solid.pvd", PVD, read_pvd, "cannot be gone on"),
     ],
 )
 def test_a_file_that_cannot_be_gone_on_with_is_told(tmp_path, name, content, opened, words):
-    (tmp_path / name).write_bytes(content)
+    if content is None:
+        (tmp_path / name).mkdir()
+    else:
+        (tmp_path / name).write_bytes(content)
     with pytest.raises(ReadError, match=words):
         opened(tmp_path / name)
 

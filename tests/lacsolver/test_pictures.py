@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
 import lacmesh
 import lacsolver as ls
@@ -24,9 +26,10 @@ from lacsolver.pictures.drawing import ContactPicture
 from lacsolver.pictures.filming import SHEET, _ends, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
+from lacsolver.pictures.history import Panel, draw_panels
 from lacsolver.pictures.plane import along, level_out
 from lacsolver.pictures.quantities import QUANTITIES, RESULT, STATES, ColourScale
-from lacsolver.pictures.skins import views_of
+from lacsolver.pictures.skins import outlines, rings_of, views_of
 from lacsolver.results.units import Units
 from tests.lacsolver.bad_cases import GOOD, HEAVY, blocks, put
 from tests.lacsolver.patch_meshes import stack
@@ -249,6 +252,10 @@ def test_a_model_in_space_has_the_values_of_its_slave_faces_and_a_panel_a_polygo
 
 @pytest.mark.vtk
 def test_a_model_in_space_is_drawn_at_a_time_unless_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
+    figure = picture(pressed).figure()
+    (image,) = [image for axes in figure.axes for image in axes.images]
+    high, wide = np.array(image.get_size()) / figure.dpi
+    assert wide == pytest.approx(2 * 5.0) and high < wide  # twice the size of its part of the picture
     assert ls.plot(pressed, tmp_path / "p.png", time=0.5, field="recovered") == 0.5
     assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0  # without a name, into the folder
     assert (pressed / "status.png").exists()
@@ -295,6 +302,8 @@ def test_a_cylinder_is_unrolled(turn, inward):
     middle = x[surface.faces.corners].mean(axis=1) * [1, 1, 0]
     assert ((normal * middle).sum(axis=1) * (-1 if inward else 1) > 0).all()  # seen from where the master is
     assert len(np.unique(np.round(view.paper.mean(axis=1), 6), axis=0)) == len(surface)  # no face upon another
+    (other,) = views_of(surface, x, np.where(view.rows % 5 == 2, -1, view.rows))  # some are of no macro-element
+    assert np.array_equal(other.paper, view.paper)
 
 
 @pytest.mark.parametrize(("n", "views"), [(8, 1), (4, 2)])
@@ -323,6 +332,18 @@ def test_a_flat_skin_is_seen_along_its_normal():
     (view,) = views_of(*surface_of(tilted, "QUAD4", [[0, 1, 2, 3]]), np.array([0]))
     sides = np.linalg.norm(np.diff(view.paper[0, :4], axis=0), axis=1)
     assert np.allclose(sides, [2, 1, 2]) and np.allclose(view.paper.reshape(-1, 2).min(axis=0), 0)
+
+
+def test_edges_between_macro_elements_and_at_the_end_of_a_skin_are_drawn():
+    """Three faces in a row, of which the first two are one macro-element."""
+    points = [[x, y, 0] for y in (0, 1) for x in range(4)]
+    surface, x = surface_of(points, "QUAD4", [[k, k + 1, k + 5, k + 4] for k in range(3)])
+    macro = np.array([0, 0, 1])
+    (view,) = views_of(surface, x, macro)
+    every, ends = ([tuple(middle) for middle in some.mean(axis=1)] for some in outlines(view, rings_of(surface), macro))
+    rim = {*((x + 0.5, y) for x in range(3) for y in (0, 1)), (0, 0.5), (3, 0.5)}
+    assert len(ends) == len(rim) and set(ends) == rim
+    assert set(every) == rim | {(2, 0.5)}
 
 
 @pytest.mark.parametrize("kind", ["TRIA3", "TRIA6"])
@@ -478,6 +499,9 @@ def test_the_default_curve_is_one_that_moves_and_a_history_is_drawn(plane, tmp_p
     assert default_curve({**table, "probe.b.ux": still}) == "time:reaction.b.x"
     assert default_curve({"time": np.r_[0.5, 1]}) == ""
     assert main(["plot", str(plane), "--history", "reaction.*", "-o", str(tmp_path / "h.png"), "-q"]) == 0
+    panel = Panel("u", {"top": (np.r_[0.0, 1.0], moved)})
+    one, three = (len(imread(io.BytesIO(draw_panels([panel] * count)))) for count in (1, 3))
+    assert 2 * one < three < 3 * one  # a panel is as high with others as alone
 
 
 @pytest.mark.parametrize(

@@ -124,12 +124,14 @@ def test_totals_are_those_before_the_cut(tmp_path, kind, hexa):
         assert problem.springs.sum() == pytest.approx(5.0 * count)
 
 
-@pytest.mark.parametrize("kind", ["HEXA8", "TETRA10", "QUAD4"])
+@pytest.mark.parametrize("kind", ["HEXA8", "TETRA10", "QUAD4", "TRIA3"])
 def test_a_cut_that_was_recognised(kind):
     """Without the records of parents the new nodes on slave faces are those inside macro-elements."""
     mesh, count = blocks(kind)
     cut = lacmesh.cut_skin(mesh, "slave", hexa="hexa").mesh
     known = lacmesh.recognise(replace(cut, cell_data={}, node_data={}, zones=()), ["slave"]).mesh
+    made = np.intersect1d(known.nodes_on(known.cells_of("slave")), np.arange(mesh.n_nodes, cut.n_nodes))
+    assert np.array_equal(np.flatnonzero(made_by_cut(known)), made)
     f = loaded(known, "hexa").load(1.0).reshape(-1, known.dim)
     assert f.sum(axis=0)[:2] == pytest.approx([2.0 * count, 3.0 * count])
 

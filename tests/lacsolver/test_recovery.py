@@ -196,7 +196,9 @@ def test_contact_that_reaches_into_an_open_macro_element(edge):
     """The last one in contact has the force of the open one beside it, as where they are wide."""
     p = hertz_means(edge, 12)
     p[7:9] = p[7:9].sum(), 0.0
-    nodal, mean = recovered(p, np.where(p > 0, CONTACT, OPEN))
+    status = np.where(p > 0, CONTACT, OPEN)
+    nodal, mean = recovered(p, status)
+    assert recovered(1e6 * p, status)[0] == pytest.approx(1e6 * nodal, rel=1e-9)  # in any unit
     exact = np.sqrt(1 - (np.arange(8.0) / edge) ** 2)
     assert nodal[:7] == pytest.approx(exact[:7], abs=2e-3) and nodal[7] == pytest.approx(exact[7], abs=0.045)
     assert mean.sum() == pytest.approx(p.sum())

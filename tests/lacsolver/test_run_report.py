@@ -50,7 +50,10 @@ def test_the_page_has_the_figures_of_the_run(space, page, tmp_path):
     turning = find_spec("trame_pyvista") is not None
     assert ('href="report_model.html"' in text) == turning == (page.parent / "report_model.html").exists()
     assert main(["report", str(space), "-o", str(tmp_path / "r.md"), "-q"]) == 0
-    shown = re.findall(r"\]\((r_\w+\.png)\)", (tmp_path / "r.md").read_text())
+    text = (tmp_path / "r.md").read_text()
+    low, high = results.summary["stress"][""]["zz"]
+    assert low < high and f"{low:.5g} .. {high:.5g}" in text
+    shown = re.findall(r"\]\((r_\w+\.png)\)", text)
     assert shown == [f"r_{name}.png" for name in ("pressure", "status", "curves", "convergence")]
     assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in shown)
     assert main(["report", str(space), "-o", str(tmp_path / "r.md"), "-q"]) == 2

@@ -273,6 +273,11 @@ def test_any_values_make_a_chart(values, log):
     assert "nan" not in text and "inf" not in text and text.count('class="slope"') == sloping
 
 
+@pytest.mark.parametrize(("low", "high", "values"), [(-2.5, 1.2, [0.01, 0.1, 1, 10]), (-2, 0, [0.01, 0.1, 1])])
+def test_powers_of_ten_are_named_within_an_axis(low, high, values):
+    assert [value for value, _ in charts.Axis(low, high, 0.0, 1.0, log=True).ticks()] == pytest.approx(values)
+
+
 @pytest.mark.parametrize("count", [40, 41])
 def test_marks_of_more_than_40_points_are_dots(count):
     line = Line("a", tuple(range(count)), tuple(range(count)), "points")

@@ -229,6 +229,9 @@ TOGETHER = {
         3, 'print(comm.allreduce(1))\nterminal.heard += ["all have it"] + ["flat cells"] * (comm.rank > 0)',
         0, "warning: rank 1: flat cells",
     ),
+    "one ends well long after the other": (
+        2, 'terminal.heard += ["late"] * comm.rank\ntime.sleep(2.0 * comm.rank)', 0, "warning: rank 1: late",
+    ),
     "an error of all": (2, 'raise LinearError("no solution")', 4, "error: LinearError no solution"),
     "an error of one": (
         2, 'if comm.rank: raise DataError("a bad cell")', 1, "error: rank 1: DataError a bad cell",
