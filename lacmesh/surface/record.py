@@ -130,6 +130,11 @@ class Surface(Described):
         """
         return neighbours(self.faces)
 
+    @cached_property
+    def boundary(self) -> NDArray[np.bool_]:
+        """(f, 4): True for edges that no other face has, in the order of `neighbours` (for segments, corners)."""
+        return (self.neighbours < 0) & (np.arange(self.neighbours.shape[1]) < self.n_corners[:, None])
+
 
 def _dimension(mesh: Mesh, cells: Ints) -> int:
     if not len(cells):

@@ -46,11 +46,14 @@ def without_layer(
     """Return the slave with its weights after the correction of its means p_m (n,), and the corrected means (n,).
 
     `touch` (k, n): macro-elements in contact; `surface`, `macro` (faces,): the slave's faces, their macro-elements.
-    A slave in the plane, and one whose layer takes up nearly all of it, are returned as they are.
+    A slave in the plane, and one whose boundary is not in contact or whose layer takes up nearly all of it, are
+    returned as they are.
     """
     if slave.dim == 1:
         return slave, means
     rings = _rings(slave, touch, surface, macro)
+    if not rings.any():
+        return slave, means
     patches = patches_of(touch, MANY[slave.dim], LEAST[slave.dim], slave.trust)
     own = np.flatnonzero(patches @ rings.any(axis=(0, 2)).astype(float) > 0)
     patches = patches[own]
@@ -82,11 +85,10 @@ def _rings(slave: Slave, touch: csr_array, surface: Surface, macro: Ints) -> NDA
 
 def _boundary(surface: Surface, macro: Ints, area: Floats) -> tuple[Ints, Floats]:
     """Return the macro-element (e,) of each edge on the boundary, and A n / L (e, 3), a length."""
-    corners, number = surface.faces.nodes, surface.n_corners
-    face, k = np.nonzero((surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < number[:, None]))
-    first, second = (surface.x[corners[face, at]] for at in (k, (k + 1) % number[face]))
-    inside = (np.arange(corners.shape[1]) < number[:, None])[face]
-    middle = np.where(inside[..., None], surface.x[corners[face]], 0.0).sum(axis=1) / number[face][:, None]
+    face, k = np.nonzero(surface.boundary)
+    corners, number, edge = surface.faces.corners[face], surface.n_corners[face], np.arange(len(face))
+    first, second = (surface.x[corners[edge, at]] for at in (k, (k + 1) % number))
+    middle = np.where(corners[..., None] >= 0, surface.x[corners], 0.0).sum(axis=1) / number[:, None]
     along, across = unit(second - first), (first + second) / 2 - middle
     across = unit(across - np.einsum("es,es->e", across, along)[:, None] * along)
     length = np.linalg.norm(second - first, axis=1)

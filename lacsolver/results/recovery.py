@@ -142,8 +142,7 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> 
 
     Their boundary is that of the slave and that of the `unpaired` macro-elements.
     """
-    ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
-    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)]) | beside(touch, unpaired, 1)
+    rim = np.isin(np.arange(touch.shape[1]), macro[surface.boundary.any(axis=1)]) | beside(touch, unpaired, 1)
     steps = np.sum([~beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
     return np.array([*_RIM, 1.0])[steps]
 
