@@ -17,6 +17,7 @@ import numpy as np
 
 import lacmesh
 from lacmesh.errors import LacmeshWarning
+from lacmesh.formats.output import replacing
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Surface
 from lacmesh.surface.points import face_measure
@@ -413,14 +414,14 @@ HANDLERS: dict[str, tuple[Callable[[Export, Any], None] | None, str]] = {
 
 
 def write(export: Export, path: Path) -> None:
-    """Write the mesh, then the cards of the model and of the steps. Raises WriteError."""
+    """Write the mesh, then the cards of the model and of the steps; a file that is there stays until all are written.
+
+    Raises WriteError.
+    """
     mesh = export.mesh
     solid = np.flatnonzero(mesh.cell_dim == mesh.dim)
     groups = {label(name): cells for name, cells in mesh.cell_groups.items()} | {"E_ALL": solid}
     mesh = replace(mesh, deck=None, cell_groups=groups, node_groups=export.nodes)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        lacmesh.write(path, mesh, force=True, target="calculix", plane=_PLANES.get(export.case.model))
     amplitudes = [
         _card(f"AMPLITUDE, NAME={name}, TIME=TOTAL TIME", *([t, v] for t, v in rows))
         for rows, name in export.amplitudes.items()
@@ -432,8 +433,12 @@ def write(export: Export, path: Path) -> None:
         steps += [_card(f"STEP, INC=1000{option}"), _card("STATIC", (period, period)), *(export.loads if not k else ())]
         steps += [_card("NODE FILE", ("U", "RF")), _card("EL FILE", ("S",)), *_contact_file(export), "*END STEP\n"]
         before = time
-    with path.open("a", encoding="utf-8") as file:
-        file.writelines([*export.model, *amplitudes, *steps])
+    with replacing(path) as (beside,):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            lacmesh.write(beside, mesh, force=True, target="calculix", plane=_PLANES.get(export.case.model))
+        with beside.open("a", encoding="utf-8") as file:
+            file.writelines([*export.model, *amplitudes, *steps])
 
 
 def _contact_file(export: Export) -> list[str]:

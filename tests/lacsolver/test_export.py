@@ -9,7 +9,7 @@ from lacmesh import read
 from lacsolver import CaseError, read_case
 from lacsolver.cli import main
 from lacsolver.decks import export_deck, import_deck
-from lacsolver.decks.exporting import HANDLERS
+from lacsolver.decks.exporting import HANDLERS, Export, write
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from tests import REPOSITORY
@@ -106,6 +106,16 @@ def test_rubber_and_a_wall_without_cells(tmp_path):
     with pytest.raises(CaseError, match=r"bar_on_wall.toml, line \d+: .*faces without a cell behind them"):
         export_deck(wall, tmp_path / "wall.inp", partial=True)
     assert not (tmp_path / "wall.inp").exists()
+
+
+def test_a_deck_that_is_there_stays_until_the_new_one_is_whole(tmp_path):
+    case, path = case_of(tmp_path), tmp_path / "job.inp"
+    path.write_text("before")
+    before = sorted(tmp_path.iterdir())
+    broken = ["*MATERIAL, NAME=M1\n", None]  # writing the second card fails, after the mesh
+    with pytest.raises(TypeError):
+        write(Export(case, read(DATA / "two_blocks.msh"), model=broken), path)
+    assert path.read_text() == "before" and sorted(tmp_path.iterdir()) == before
 
 
 def test_each_section_is_written_or_lacking():
