@@ -92,7 +92,7 @@ fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of eac
 	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	for name in start run check partition quality surface assembly linear contact moving peers; do OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in start cut quality surface contact moving large peers.compare; do OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$name || exit 1; done
 
 verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (two hours on two free cores; goes on if stopped)
 	LACMESH_ALL=1 $(PYTEST) -q -m "slow and not petsc"

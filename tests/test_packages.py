@@ -170,8 +170,8 @@ def test_the_verification_and_benchmarks_run(user):
     words = "--suite quick --case patch/2d-TRIA3 -j 1 -o report"
     assert "met 5 of 5" in typed(*user, f"python -m verification run {words}")
     assert (user[0] / "report" / "report.html").is_file()
-    for name in re.search(r"for name in start ([\w ]+); do OPENBLAS", MAKEFILE)[1].split():
-        done = typed(REPOSITORY, {**os.environ}, f"{sys.executable} benchmarks/{name}.py --quick")
+    for name in re.search(r"for name in start ([\w. ]+); do OPENBLAS", MAKEFILE)[1].split():
+        done = typed(REPOSITORY, {**os.environ}, f"{sys.executable} -m benchmarks.{name} --quick")
         assert done.count("|") > 8, done
 
 
