@@ -213,14 +213,15 @@ def test_recipe_and_table_of_dependencies_agree_with_the_project():
 def test_targets_are_listed_and_quick_runs_tests_of_every_folder():
     """Of each folder of tests but those that hold nothing but long ones."""
     helped = re.findall(r"^(\w+):.* ## ", MAKEFILE, re.MULTILINE)
-    table = re.findall(r"^\| `make (\w+)` \|", (REPOSITORY / "CONTRIBUTING.md").read_text(), re.MULTILINE)
-    assert sorted([*table, "help", "install"]) == sorted(helped)
-    assert sorted(re.search(r"^\.PHONY: (.+)$", MAKEFILE, re.MULTILINE)[1].split()) == sorted(helped)
-    overview = (REPOSITORY / "docs" / "overview.md").read_text(encoding="utf-8")
-    assert {*re.findall(r"^make (\w+)", README + overview, re.MULTILINE)} <= {*helped}
+    assert helped == ["demo", "test", "verify", "bench", "docs", "lint", "wheel", "clean"]
+    contributing = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| `make (\w+)` \|", contributing, re.MULTILINE)) == sorted(helped)
+    assert re.search(r"^\.PHONY: help (.+)$", MAKEFILE, re.MULTILINE)[1].split() == helped
+    pages = "".join(path.read_text(encoding="utf-8") for path in (REPOSITORY / "docs").glob("*.md"))
+    assert {*re.findall(r"(?:^|`)make (\w+)", README + contributing + pages, re.MULTILINE)} <= {*helped}
     # as typed by hand: under `make test` the names of folders would be printed beside the command
     env = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
-    words = ["make", "--dry-run", "quick"]
+    words = ["make", "--dry-run", "test", "QUICK=1"]
     made = subprocess.run(words, cwd=REPOSITORY, env=env, capture_output=True, text=True, check=True)
     quick = [Path(word) for word in made.stdout.splitlines()[-1].split() if word.startswith("tests/")]
     assert quick and all((REPOSITORY / path).is_file() for path in quick)
