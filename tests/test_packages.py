@@ -218,7 +218,8 @@ def test_targets_are_listed_and_quick_runs_tests_of_every_folder():
     assert sorted(re.findall(r"^\| `make (\w+)` \|", contributing, re.MULTILINE)) == sorted(helped)
     assert re.search(r"^\.PHONY: help (.+)$", MAKEFILE, re.MULTILINE)[1].split() == helped
     pages = "".join(path.read_text(encoding="utf-8") for path in (REPOSITORY / "docs").glob("*.md"))
-    assert {*re.findall(r"(?:^|`)make (\w+)", README + contributing + pages, re.MULTILINE)} <= {*helped}
+    typed_so = re.findall(r"^make (\w+)", README, re.MULTILINE) + re.findall(r"`make (\w+)", contributing + pages)
+    assert {*typed_so} <= {*helped}
     # as typed by hand: under `make test` the names of folders would be printed beside the command
     env = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     words = ["make", "--dry-run", "test", "QUICK=1"]
