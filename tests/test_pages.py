@@ -93,7 +93,7 @@ def of_page(name, *marks):
 @pytest.mark.parametrize(
     "name",
     [
-        of_page("overview.md", "slow", "vtk", "gmsh"),
+        of_page("README.md", "slow", "vtk", "gmsh"),
         of_page("solver.md", "slow", "vtk"),
         of_page("quality.md"),
         of_page("partition.md"),
