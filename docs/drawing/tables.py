@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from fractions import Fraction
 
-from drawing.architecture import tree
 from drawing.measures import own_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
@@ -116,7 +115,6 @@ def _digits(nodes: tuple[int, ...]) -> str:
 
 #: page -> the tables that stand in it, by the name of their markers
 TABLES = {
-    "architecture.md": {"tree": tree},
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "case.md": {name: table.splitlines for name, table in page_tables().items()},
     "conventions.md": {"families": families_table},
