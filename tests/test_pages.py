@@ -195,17 +195,17 @@ def test_every_page_is_in_the_index_and_every_folder_and_no_other_path_in_the_ar
 @pytest.mark.parametrize("name", ["hexa8_quad4_ring.svg", "patterns.svg"])
 def test_tables_and_figures_are_current_and_figures_drawn_again_are_the_same(name, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(DOCS))
-    make_figures = importlib.import_module("make_figures")
-    assert make_figures.stale_pages() == make_figures.stale_figures() == [], "run: python docs/make_figures.py"
+    make, figures, tables = (importlib.import_module(name) for name in ("make", "figures", "tables"))
+    assert make.stale() == [], "run: python docs/make.py figures"
     text = text_of("cut.md")
     wrong = text.replace("| 28 | 9 |", "| 27 | 9 |")
-    assert wrong != text and make_figures.with_tables("cut.md", wrong) == text
+    assert wrong != text and tables.with_tables("cut.md", wrong) == text
     patterns = 1  # the overview, then one for each type of face of each cell, and a ring where there is one
     for kind, cell in CELLS.items():
         faces = {f.type for f in cell.facets} if cell.dim > 1 else set()
         patterns += len(faces) + (kind in RING_PARENTS) * len(faces - set(WHOLE_FACES))
     assert len(list((DOCS / "figures").glob("*.svg"))) == patterns
-    make_figures.write_figure(name, tmp_path / name)
+    figures.write_figure(name, tmp_path / name)
     mine, theirs = (
         [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?", path.read_text(encoding="utf-8").split("<defs>", 1)[1])]
         for path in (tmp_path / name, DOCS / "figures" / name)
