@@ -143,27 +143,30 @@ def _span(nodes: Any) -> str:
     return f"{nodes[0]} to {nodes[-1]}"
 
 
-#: page -> the tables that stand in it, by the name of their markers
+#: page -> its tables, by the names of their marks
 TABLES = {
     "architecture.md": {"tree": tree},
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "case.md": {name: table.splitlines for name, table in page_tables().items()},
     "conventions.md": {"families": families_table, "types": types_table},
-    "formats.md": {
-        "suffixes": suffixes_table,
-    },
-    "targets.md": {"patterns": targets_table, "elements": elements_table},
+    "formats.md": {"suffixes": suffixes_table, "patterns": targets_table, "elements": elements_table},
     "quality.md": {"own": own_table},
 }
 
 
-def with_tables(page: str, text: str) -> str:
-    """A page's text with its tables as they should be, between `<!-- name: begin -->` and `<!-- name: end -->`."""
-    for name, rows in TABLES[page].items():
-        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-        found = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
-        if not found:
-            raise SystemExit(f"docs/{page} has no markers {begin} ... {end}")
-        table = "\n".join(rows())
-        text = text[: found.start()] + f"{begin}\n{table}\n{end}" + text[found.end() :]
+def with_tables(page: str, text: str, *, built: bool = False) -> str:
+    """Fill in the tables of a page.
+
+    A short table is kept in the repository, between `<!-- name: begin -->` and `<!-- name: end -->`. A long table
+    is only in the built pages (`built`), where it takes the place of the line `<!-- table: name -->`.
+    """
+    for name, rows in TABLES.get(page, {}).items():
+        begin, end, line = f"<!-- {name}: begin -->", f"<!-- {name}: end -->", f"<!-- table: {name} -->"
+        kept = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
+        if kept:
+            text = text[: kept.start()] + "\n".join([begin, *rows(), end]) + text[kept.end() :]
+        elif text.count(f"\n{line}\n") != 1:
+            raise SystemExit(f"docs/{page} has neither {begin} ... {end} nor one line {line}")
+        elif built:
+            text = text.replace(line, "\n".join(rows()))
     return text

@@ -43,7 +43,7 @@ ENTRIES = (
     Entry("A snap fit", "sliding/snap_fit.gif", "data/sliding/snap_fit.toml", "sliding.md"),
     Entry("A punch, from CalculiX", "tutorials/punch.png", "data/punch.inp", "tutorials/from_calculix.md"),
     Entry("A disc, in scikit-fem", "tutorials/own_solver.png", "data/disc_on_block.msh", "tutorials/own_solver.md"),
-    Entry("A fit, in felupe", "figures/press_fit_faces.png", "docs/bridges/bridge_felupe.py", "bridges.md"),
+    Entry("A fit, in felupe", "figures/press_fit_faces.png", "docs/bridges/bridge_felupe.py", "python.md"),
     Entry("One stage replaced", "tutorials/p0_mortar.png", "docs/tutorials/p0_mortar.py", "tutorials/p0_mortar.md"),
 )  # fmt: skip
 
