@@ -456,7 +456,7 @@ LID = {"group": "z1", "kind": "rigid"}
         ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.1, name="again")], "follows from coupling 'z1'"),
         ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.2, name="again")], "follows from coupling 'z1'"),
         ([Coupling(**LID, rotation=("free", 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "rotation is prescribed"),
-        ([Coupling(**LID, rotation=(0.0, 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "stands beside rotation"),
+        ([Coupling(**LID, rotation=(0.0, 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "cannot be combined with rotation"),
     ],
 )
 def test_couplings_that_are_refused(given, words):

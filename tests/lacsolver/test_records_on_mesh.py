@@ -279,8 +279,8 @@ def test_supports_that_contradict(records, words):
     "keys, more, words",
     [
         ({"begin": 2.0}, [], "is 2, and the steps end at 2"),
-        ({"reached": 1.0}, [], "means something only with begin"),
-        ({"begin": 1.0, "reached": 1.0}, [], "is 1, and it begins at 1"),
+        ({"reached": 1.0}, [], "has an effect only with begin"),
+        ({"begin": 1.0, "reached": 1.0}, [], "is 1, and the support begins at 1"),
         ({"begin": 1.0}, [ls.Dynamics(start=0.5)], r"\[dynamics\] starts at 0.5"),
     ],
 )
