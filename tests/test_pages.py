@@ -307,7 +307,7 @@ def test_a_bridge_solves_as_lacsolver_does_and_prints_what_the_page_shows(name, 
     np.testing.assert_allclose(theirs.pressure, pressure, rtol=0, atol=1e-9 * pressure.max())
     if order == 1:
         pattern = rf"^\$ python (\S*bridge_{name}\.py \S+)\n(.*)$"
-        ((command, shown),) = re.findall(pattern, text_of("bridges.md"), re.MULTILINE)
+        ((command, shown),) = re.findall(pattern, text_of("python.md"), re.MULTILINE)
         words = [sys.executable, *command.split()]
         printed = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
         assert printed.strip().splitlines()[-1] == shown
@@ -316,7 +316,7 @@ def test_a_bridge_solves_as_lacsolver_does_and_prints_what_the_page_shows(name, 
 @pytest.mark.compiler
 def test_a_program_in_cpp_reads_the_files(tutorials, fresh):
     """Compile the program of the page: its sums are those of the arrays."""
-    page = DOCS / "bridges.md"
+    page = DOCS / "python.md"
     (Path("read.cpp")).write_text("".join(tutorials.blocks(page, "cpp")))
     export, write = re.findall(r"^\$ (.*)$", tutorials.blocks(page, "console")[1], re.MULTILINE)[:2]
     assert lacsolver_main(export.split()[1:]) == 0

@@ -153,7 +153,7 @@ def validate(case: CaseFile, *, run: Run) -> None:
     with stage("read"):
         record = read_case(case)
         mesh = mesh_of(record)
-    with stage("look"):
+    with stage("check"):
         validation = validation_of(record, mesh)
     if not run.quiet:
         print_table(("case", ""), _validation_rows(record, validation))

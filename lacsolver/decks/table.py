@@ -109,8 +109,8 @@ LACKS = {
     **dict.fromkeys(("FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
     "CONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
-    "FIELD": "fields other than temperature are not taken",
-    "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
+    "FIELD": "fields other than temperature are not supported",
+    "SUBMODEL": "boundary values from another run are not supported; write them as *BOUNDARY",
     "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
     "RETAINEDNODALDOFS": "lacsolver makes no substructures",
 }  # fmt: skip

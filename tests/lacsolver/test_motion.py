@@ -208,14 +208,14 @@ def test_a_run_goes_on_to_the_last_bit(law):
 
 MISTAKES = [
     (lambda: [ls.Dynamics(alpha=0.5)], "dynamics.alpha is 0.5"),
-    (lambda: [ls.Dynamics(scheme="newmark", alpha=0.1)], "dynamics.alpha means something only"),
+    (lambda: [ls.Dynamics(scheme="newmark", alpha=0.1)], "dynamics.alpha has an effect only"),
     (lambda: [ls.Dynamics(scheme="newmark", gamma=0.4)], "dynamics.beta and gamma"),
     (lambda: [ls.Dynamics(scheme="newmark", beta=0.2)], "dynamics.beta and gamma are 0.2 and 0.5"),
     (lambda: [ls.Dynamics(start=1.0)], "dynamics.start is 1"),
     (lambda: [ls.Dynamics(rayleigh=[1.0])], "dynamics.rayleigh"),
     (lambda: [ls.Initial(vx=1.0)], r"only with \[dynamics\]"),
-    (lambda: [ls.Dynamics(start=0.5), ls.Initial(ux=1.0)], "initial.ux means something only"),
-    (lambda: [ls.Dynamics(), ls.Initial(vx=1.0, centre=[0.0, 0.0])], "initial.centre means something only"),
+    (lambda: [ls.Dynamics(start=0.5), ls.Initial(ux=1.0)], "initial.ux has an effect only"),
+    (lambda: [ls.Dynamics(), ls.Initial(vx=1.0, centre=[0.0, 0.0])], "initial.centre has an effect only"),
     (lambda: [ls.Dynamics(), ls.Initial()], "needs at least one of"),
     (lambda: [ls.Rigid(group="wall", fy=1.0), ls.Dynamics()], "'wall' .* has no mass"),
     (lambda: [ls.Rigid(group="wall", moment=1.0, mass=1.0), ls.Dynamics()], "'wall' .* has no inertia"),
