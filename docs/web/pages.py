@@ -13,6 +13,8 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from drawing.tables import with_tables
+
 from lacmesh.cli import PROGRAM as LACMESH
 from lacsolver.case.schema import json_schema
 from lacsolver.cli import PROGRAM as LACSOLVER
@@ -110,8 +112,8 @@ def _directory() -> Iterator[str]:
 
 
 def _copy(name: str, folder: Path, pages: set[str]) -> None:
-    """Copy a page, and the files that it links to; links to what is no page of the site are mended."""
-    text = (ROOT / name).read_text(encoding="utf-8")
+    """Copy a page with its long tables, and the files that it links to; mend links to what is no page of the site."""
+    text = with_tables(Path(name).name, (ROOT / name).read_text(encoding="utf-8"), built=True)
     here = Path(name).parent
 
     def mended(match: re.Match[str]) -> str:
