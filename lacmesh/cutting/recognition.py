@@ -91,7 +91,7 @@ def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | N
     recognised = find_macros(mesh, slave)
     if len(recognised.left) or not recognised.n_cut:
         left = recognised.cells[recognised.left]
-        names = f"{', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
+        names = f"{', '.join(slave.names)} (cells {mesh.cell_names(left)} fit no pattern of a cut)"
         raise CutError(f"no earlier cut is recognised on {names}", mesh.cell_number[left])
     return as_cut(mesh, recognised)
 
@@ -141,7 +141,7 @@ def _recorded(mesh: Mesh, slave: SlaveSkin) -> Cut:
             message = (
                 f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {name!r} (cells "
             )
-            advice = "cut the mesh it came from, with every --slave at once"
+            advice = "cut the original mesh, with every --slave at once"
             raise CutError(f"{message}{mesh.cell_names(left)}); {advice}", mesh.cell_number[left])
     return cut
 
