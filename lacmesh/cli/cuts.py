@@ -123,7 +123,7 @@ def _report_beside(path: str | None, report: Any, source: str) -> Iterator[None]
     """Write the report, if there is one; it takes its place only after the block has succeeded: both, or neither."""
     if path is None or report is None:
         if path:
-            message = "no report is written: the mesh is cut already, its original not known; see lacmesh quality"
+            message = "no report is written, because the mesh is cut already; see lacmesh quality"
             warnings.warn(message, LacmeshWarning, stacklevel=1)
         yield
         return

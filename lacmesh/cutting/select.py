@@ -189,7 +189,7 @@ def _check_parents(
     differs = mask_of(len(faces), parents.face[~parents.same])
     behind = mesh.cell_names(parents.cell[~parents.same])
     for wrong, why in (
-        (skin_only & (count > 0), "have cells behind them, from which a cut of the skin only would separate them"),
+        (skin_only & (count > 0), "have cells behind them, from which --skin-only would separate them"),
         ((not skin_only) & (count == 0), "have no parent cell; gmsh saves only the cells of physical groups: is their "
          "body in one? --skin-only cuts a surface without parent cells (a shell)"),
         (count > 2, "have more than two cells behind them: the mesh is not a manifold there"),
