@@ -158,6 +158,8 @@ def test_the_commands_run_with_the_base_only(user):
     typed(*user, "lacmesh cut data/two_blocks.msh --slave slave -o cut.msh")
     typed(*user, "lacmesh check cut.msh --slave slave --master master")
     assert "36 of 36" in typed(*user, "lacsolver run data/two_blocks.toml -o results")
+    page = Path(typed(*user, "lacsolver docs solver --path").strip())
+    assert page.is_relative_to(folder) and page.read_text().startswith("# ")
     assert (folder / "results" / "solid.pvd").is_file() and "two_blocks" in typed(*user, "lacsolver example")
     done = subprocess.run("lacsolver run data/two_blocks.toml -o r --plot p.png", shell=True, cwd=folder, env=user[1],
                           capture_output=True, text=True)  # fmt: skip
@@ -183,6 +185,7 @@ def test_the_wheel_has_the_files_of_the_checkout(built):
     ours = {}
     for place, source in {
         "lacmesh/data": "data",
+        "lacmesh/docs": "docs",
         **{name: name for name in ("lacmesh", "lacsolver", "verification")},
     }.items():
         for path in (REPOSITORY / source).rglob("*"):

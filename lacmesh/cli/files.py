@@ -1,4 +1,4 @@
-"""`lacmesh info`, `convert`, `partition`, `example`, `docs` and `compile`: files of meshes, examples, pages, kernels."""
+"""`lacmesh info`, `convert`, `partition`, `example`, `docs` and `compile`: files, examples, pages, compiled kernels."""
 
 from __future__ import annotations
 
