@@ -211,6 +211,10 @@ def test_recipe_and_table_of_dependencies_agree_with_the_project():
     assert head == ("package", "used for", "replacement")
     needs = {bare(need) for need in chain(PROJECT["dependencies"], *EXTRAS.values())} - {"lacmesh"}
     assert {name for row in rows for name in row[0].split(", ")} == needs
+    cited = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == lacmesh.__version__ and cited["license"] == PROJECT["license"]
+    named = [PROJECT["readme"], *PROJECT["license-files"], *re.findall(r"[\w/]+\.md", cited["abstract"])]
+    assert len(named) == 6 and all((REPOSITORY / name).is_file() for name in named)
     assert f"## {lacmesh.__version__}" in (REPOSITORY / "CHANGELOG.md").read_text()
 
 
