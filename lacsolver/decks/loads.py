@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import some
+from lacmesh.errors import on_page, some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Card, DeckLine, Refused
 from lacsolver.decks.histories import JUMP, Assigned, Orders, Points, scaled, written
@@ -179,7 +179,7 @@ def node_print(import_: Import, card: Card) -> None:
     if "RF" in wanted:
         parts.append("RF: results.json has the reactions of each support")
     if others := sorted(wanted - {"U", "RF"}):
-        parts.append(f"{', '.join(others)}: see docs/output.md for what a run writes")
+        parts.append(f"{', '.join(others)}: see {on_page('output')} for what a run writes")
     import_.note(card, "; ".join(parts) or "it requests nothing")
 
 

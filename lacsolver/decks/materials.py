@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacmesh.errors import some
+from lacmesh.errors import on_page, some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case import CaseError, Material
 from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
@@ -53,7 +53,7 @@ def hyperelastic(import_: Import, card: Card) -> None:
     import_.warn(
         card,
         "the neo-Hookean law of lacsolver has the same moduli at small strains, and another energy of the change of "
-        "volume (docs/theory.md): results differ where the volume changes much",
+        f"volume ({on_page('theory')}): results differ where the volume changes much",
     )
 
 

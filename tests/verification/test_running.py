@@ -405,7 +405,7 @@ def test_a_family_that_no_smaller_suite_has_is_run_without_asking(asked, name, s
     assert plan.suite_of(asked, name, "quick") == suite
 
 
-def test_the_page_is_that_of_the_cases_that_there_are_and_of_their_figures(monkeypatch):
+def test_the_kept_run_is_that_of_the_cases_that_there_are(monkeypatch):
     docs = Path(__file__).resolve().parents[2] / "docs"
     spec = importlib.util.spec_from_file_location("make_verification", docs / "make_verification.py")
     page = importlib.util.module_from_spec(spec)
