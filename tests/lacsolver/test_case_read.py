@@ -524,7 +524,7 @@ def test_the_table_of_keys_is_whole(monkeypatch):
     """
     page = (REPOSITORY / "docs" / "case.md").read_text(encoding="utf-8")
     monkeypatch.syspath_prepend(str(REPOSITORY / "docs"))
-    built = importlib.import_module("drawing.tables").with_tables("case.md", page, built=True)
+    built = importlib.import_module("tables").with_tables("case.md", page, built=True)
     assert [name for name, table in page_tables().items() if table not in built] == []
     rows = dict(re.findall(r"^\| `?([^`|]+)`? \| [^|]+ \| (.+) \|$", page.split("## Values")[0], re.MULTILINE))
     for record in records():
