@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any, cast
 
@@ -301,30 +301,19 @@ def _why(status: int, seconds: float) -> str:
 
 def environment() -> dict[str, str]:
     """Versions, the machine and the commit of the sources, in the order of the report."""
-    info = Path("/proc/cpuinfo")
+    info, commit = Path("/proc/cpuinfo"), ""
     names = re.findall(r"model name\s*: (.*)", info.read_text()) if info.exists() else []
-    changed = _git("status", "--porcelain", "--", "lacmesh", "lacsolver", "verification")
+    if (ROOT / ".git").exists():
+        with suppress(OSError):
+            command = ["git", "describe", "--always", "--dirty=, with changes", "--abbrev=12", "--exclude=*"]
+            commit = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
     machine = {
         "lacmesh": __version__,
-        "commit": (_git("rev-parse", "--short=12", "HEAD") or "unknown") + (", with changes" if changed else ""),
+        "commit": commit or "unknown",
         "Python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "processor": names[0] if names else platform.processor() or "unknown",
         "cores": str(available_cores()),
     }
-    return {**machine, **{name: _version(name) for name in _PACKAGES}}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "absent"
-
-
-def _git(*words: str) -> str:
-    """Output of git in the folder of the sources; empty where there is none."""
-    with suppress(OSError):
-        command = ["git", f"--git-dir={ROOT / '.git'}", f"--work-tree={ROOT}", *words]
-        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
-    return ""
+    installed = {one.name: one.version for one in distributions()}
+    return {**machine, **{name: installed.get(name, "absent") for name in _PACKAGES}}
