@@ -139,9 +139,8 @@ def test_digest_follows_the_code_and_not_the_reports(tmp_path, monkeypatch):
 
 
 def test_cases_are_tests_of_pytest():
-    words = [sys.executable, *"-m pytest -c pyproject.toml -o addopts=--strict-markers -p no:cacheprovider".split()]
-    words += ["verification/cases.py", "-q", "--collect-only", "-m", "quick"]
-    child = subprocess.run(words, cwd=plan.ROOT, capture_output=True, text=True)
+    words = ["-m", "pytest", "-o", "addopts=--strict-markers", "verification/cases.py", "-q", "--co", "-m", "quick"]
+    child = subprocess.run([sys.executable, *words], cwd=plan.ROOT, capture_output=True, text=True)
     found = re.findall(r"test_case\[quick-(.*)\]", child.stdout)
     assert found == [case.id for case in families.cases("quick")], child.stdout[-2000:] + child.stderr
 
