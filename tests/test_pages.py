@@ -19,6 +19,7 @@ import pytest
 import lacsolver
 from lacmesh import cut_skin, errors, raise_order, read
 from lacmesh.cells import CELLS
+from lacmesh.checks import RULES
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
@@ -95,6 +96,7 @@ def of_page(name, *marks):
     [
         of_page("overview.md", "slow", "vtk", "gmsh"),
         of_page("solver.md", "slow", "vtk"),
+        of_page("check.md"),
         of_page("quality.md"),
         of_page("partition.md"),
     ],
@@ -115,7 +117,7 @@ def test_commands_print_what_their_page_shows(tutorials, name, fresh):
 
 
 #: pages whose examples read what their commands, or a run, write first
-AFTER_COMMANDS = {"solver.md", "output.md", "partition.md", "quality.md"}
+AFTER_COMMANDS = {"solver.md", "output.md", "partition.md", "check.md", "quality.md"}
 
 
 @pytest.mark.parametrize("name", [p.name for p in PAGES if p.parent == DOCS and p.name not in AFTER_COMMANDS])
@@ -195,9 +197,14 @@ def test_tables_and_figures_are_current_and_figures_drawn_again_are_the_same(nam
     monkeypatch.syspath_prepend(str(DOCS))
     make_figures = importlib.import_module("make_figures")
     assert make_figures.stale_pages() == make_figures.stale_figures() == [], "run: python docs/make_figures.py"
-    text = text_of("cut.md")
-    wrong = text.replace("| 28 | 9 |", "| 27 | 9 |")
-    assert wrong != text and make_figures.with_tables("cut.md", wrong) == text
+    page = "<!-- integrals: begin -->\n| wrong |\n<!-- integrals: end -->\n\n<!-- table: counts -->\n"
+    kept, built = (make_figures.with_tables("cut.md", page, built=built) for built in (False, True))
+    assert "| QUAD8 | \u22121/12 | 1/3 |  | none |" in kept and "wrong" not in kept and "<!-- table: counts -->" in kept
+    assert "| 28 | 9 |" in built and "<!-- table: counts -->" not in built
+    pages = {name: make_figures.with_tables(name, text_of(name), built=True) for name in make_figures.TABLES}
+    assert not [name for name, text in pages.items() if "<!-- table: " in text]
+    rows = [f"| `{name}` | {rule.severity} | {rule.means} | {rule.advice} |" for name, rule in RULES.items()]
+    assert all(row in pages["check.md"] for row in rows)
     patterns = 1  # the overview, then one for each type of face of each cell, and a ring where there is one
     for kind, cell in CELLS.items():
         faces = {f.type for f in cell.facets} if cell.dim > 1 else set()

@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
+from math import inf
 from typing import Any
 
 from drawing.architecture import tree
-from drawing.measures import own_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
 from lacmesh.cells import CELLS
+from lacmesh.checks import RULES
 from lacmesh.cutting.patterns import WHOLE, WHOLE_FACES
 from lacmesh.exchange.targets import TARGETS, element
 from lacmesh.formats.registry import FORMATS
 from lacmesh.quality import corner_jacobian
+from lacmesh.quality.measures import ACCEPTED
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
 from lacsolver.case.schema import page_tables
@@ -59,6 +61,27 @@ def integrals_table() -> Iterator[str]:
 
 def _fraction(value: float) -> str:
     return str(Fraction(float(value)).limit_denominator(1000)).replace("-", "\u2212")
+
+
+def rules_table() -> Iterator[str]:
+    """Every rule of the check: how serious it is, its meaning, and what to do."""
+    yield from _head("rule", "severity", "meaning", "what to do")
+    for name, rule_ in RULES.items():
+        yield f"| `{name}` | {rule_.severity} | {rule_.means} | {rule_.advice} |"
+
+
+def measures_table() -> Iterator[str]:
+    """Verdict's measures by type of cell: the range that Verdict accepts."""
+    yield from _head("measure", *ACCEPTED)
+    for name in sorted({name for ranges in ACCEPTED.values() for name in ranges}):
+        cells = [_range(ranges[name]) if name in ranges else "" for ranges in ACCEPTED.values()]
+        yield f"| `{name}` | {' | '.join(cells)} |"
+
+
+def _range(accepted: tuple[float, float] | None) -> str:
+    if accepted is None:
+        return "any"
+    return f"{accepted[0]:.4g} and more" if accepted[1] == inf else f"{accepted[0]:.4g} to {accepted[1]:.4g}"
 
 
 def families_table() -> Iterator[str]:
@@ -143,9 +166,10 @@ def _span(nodes: Any) -> str:
     return f"{nodes[0]} to {nodes[-1]}"
 
 
-#: page -> the tables that stand in it, by the name of their markers
+#: page -> its tables, by the names of their marks
 TABLES = {
     "architecture.md": {"tree": tree},
+    "check.md": {"rules": rules_table},
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "case.md": {name: table.splitlines for name, table in page_tables().items()},
     "conventions.md": {"families": families_table, "types": types_table},
@@ -153,17 +177,23 @@ TABLES = {
         "suffixes": suffixes_table,
     },
     "targets.md": {"patterns": targets_table, "elements": elements_table},
-    "quality.md": {"own": own_table},
+    "quality.md": {"measures": measures_table},
 }
 
 
-def with_tables(page: str, text: str) -> str:
-    """A page's text with its tables as they should be, between `<!-- name: begin -->` and `<!-- name: end -->`."""
-    for name, rows in TABLES[page].items():
-        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-        found = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
-        if not found:
-            raise SystemExit(f"docs/{page} has no markers {begin} ... {end}")
-        table = "\n".join(rows())
-        text = text[: found.start()] + f"{begin}\n{table}\n{end}" + text[found.end() :]
+def with_tables(page: str, text: str, *, built: bool = False) -> str:
+    """Fill in the tables of a page.
+
+    A table of a few lines is kept in the repository, between `<!-- name: begin -->` and `<!-- name: end -->`. A long
+    one is only in the built pages (`built`), where it takes the place of the line `<!-- table: name -->`.
+    """
+    for name, rows in TABLES.get(page, {}).items():
+        begin, end, line = f"<!-- {name}: begin -->", f"<!-- {name}: end -->", f"<!-- table: {name} -->"
+        kept = re.search(f"{re.escape(begin)}\n.*?{re.escape(end)}", text, re.DOTALL)
+        if kept:
+            text = text[: kept.start()] + "\n".join([begin, *rows(), end]) + text[kept.end() :]
+        elif text.count(f"\n{line}\n") != 1:
+            raise SystemExit(f"docs/{page} has neither {begin} ... {end} nor one line {line}")
+        elif built:
+            text = text.replace(line, "\n".join(rows()))
     return text

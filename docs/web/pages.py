@@ -13,6 +13,8 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from drawing.tables import with_tables
+
 from lacmesh.cli import PROGRAM as LACMESH
 from lacsolver.case.schema import json_schema
 from lacsolver.cli import PROGRAM as LACSOLVER
@@ -22,8 +24,6 @@ from web import commands, gallery, library
 ROOT = Path(__file__).resolve().parents[2]
 INDEX = ROOT / "docs" / "README.md"
 LINK = re.compile(r"(\]\()([^)\s#]*)((?:#[^)\s]*)?\))")
-#: too long a page for a browser; the same report as a page that is made for one
-REPORT = {"docs/verification/report.md": "docs/verification/report.html"}
 #: pages whose own title would not do in the list of all
 TITLES = {"README.md": "Install and first commands <README>"}
 #: pages made from the code, by the section of the index that they are added to
@@ -63,7 +63,7 @@ def sections() -> list[tuple[str, list[str]]]:
         names = [
             _inside(INDEX.parent / link[1]) for link in LINK.findall(body) if link[1].endswith(".md") and link[2] == ")"
         ]
-        fresh = [name for name in dict.fromkeys(names) if name not in known and name not in REPORT]
+        fresh = [name for name in dict.fromkeys(names) if name not in known]
         known |= set(fresh)
         result.append((heading, fresh))
     return result
@@ -110,13 +110,13 @@ def _directory() -> Iterator[str]:
 
 
 def _copy(name: str, folder: Path, pages: set[str]) -> None:
-    """Copy a page, and the files that it links to; links to what is no page of the site are mended."""
-    text = (ROOT / name).read_text(encoding="utf-8")
+    """Copy a page with its long tables, and the files that it links to; mend links to what is no page of the site."""
+    text = with_tables(Path(name).name, (ROOT / name).read_text(encoding="utf-8"), built=True)
     here = Path(name).parent
 
     def mended(match: re.Match[str]) -> str:
         target = _inside(ROOT / here / match[2]) if match[2] and ":" not in match[2] else ""
-        other = REPORT.get(target) or ("index.md" if target == _inside(INDEX) else "")
+        other = "index.md" if target == _inside(INDEX) else ""
         return f"{match[1]}{os.path.relpath(other, here)})" if other else match[0]
 
     text = LINK.sub(mended, text)
