@@ -143,8 +143,8 @@ _CURRENT: Keys = (("geometry", "current"),)
 
 def _case(name: str, description: str, given: Touch, seconds: float = 4.0, quick: bool = False) -> Case:
     dim = "axisymmetric" if given.model == "axisymmetric" else f"{given.dim}d"
-    suite = {"quick" if quick else "full": 1}
-    return row("balance", f"{name}-{dim}", f"{description}, {dim}", run, given, seconds=seconds, **suite)
+    words = f"{description}, {dim}"
+    return row("balance", f"{name}-{dim}", words, run, given, quick=int(quick), full=1, seconds=seconds)
 
 
 def _of_model(model: str, pairs: CellPairs) -> Iterator[Case]:

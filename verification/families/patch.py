@@ -7,7 +7,7 @@ holds the plane), the displacement linear by Hooke's law, every p_m the pressure
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -89,8 +89,9 @@ def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErr
 
 def mesh_of(given: Press, slave: str, master: str, slave_below: bool = True) -> Mesh:
     """A stack of blocks, not cut."""
-    shape = {"counts": given.counts, "bend": given.bend, "skew": given.skew}
-    mesh = stack(slave, master, given.dim, slave_below=slave_below, **shape)
+    mesh = stack(
+        slave, master, given.dim, slave_below=slave_below, counts=given.counts, bend=given.bend, skew=given.skew
+    )
     return moved(mesh, given.turn, np.array([1.0, 0, 0]) if given.model == "ring" else None)
 
 
@@ -198,31 +199,33 @@ _QUADRANGLES: tuple[tuple[str, tuple[str, ...], Pairs], ...] = (
 )
 
 
+def _every(slaves: Iterable[str], masters: Iterable[str]) -> Pairs:
+    return tuple((slave, master) for slave in slaves for master in masters)
+
+
 def _cases() -> Iterator[Case]:
     def case(name: str, description: str, given: Press, seconds: float, quick: bool = False) -> Case:
-        suite = {"quick" if quick else "full": 1}
-        return row("patch", name.replace(" ", "-"), description, run, given, seconds=seconds, **suite)
+        name = name.replace(" ", "-")
+        return row("patch", name, description, run, given, quick=int(quick), full=1, seconds=seconds)
 
     plane = partial(Press, model="plane_strain")
     for slave in PLANE_KINDS:
-        pairs = tuple((slave, master) for master in PLANE_KINDS)
-        yield case(f"2d-{slave}", f"plane strain, slave {slave} against every kind", plane(pairs), 3.0, True)
-    given = plane(tuple(product(PLANE_KINDS, repeat=2)), tilted=True)
+        given = plane(_every([slave], PLANE_KINDS))
+        yield case(f"2d-{slave}", f"plane strain, slave {slave} against every kind", given, 3.0, True)
+    given = plane(_every(PLANE_KINDS, PLANE_KINDS), tilted=True)
     yield case("2d-tilted", "plane strain, every kind against every kind, tilted", given, 10.0)
     for tilted, slave in product((False, True), SOLID_KINDS):
         for way in ("pyramid", "hexa") if slave in TWO_WAYS else ("",):
-            pairs = tuple((slave, master) for master in SOLID_KINDS)
-            given = Press(pairs, tilted=tilted, contact=(("hexa", way),) if way else ())
+            given = Press(_every([slave], SOLID_KINDS), tilted=tilted, contact=(("hexa", way),) if way else ())
             name = "-".join(["3d", *["tilted"] * tilted, slave, *[way] * bool(way)])
             yield case(name, f"slave {slave} against every kind", given, 7.0, (slave, way, tilted) in _QUICK)
     for skew, counts in ((0.0, (3, 2)), (0.05, (5, 4)), (0.2, (5, 4))):
         for way in ("pyramid", "hexa"):
-            keys = (("hexa", way),)
-            given = Press((("HEXA8", "HEXA8"),), contact=keys, counts=counts, bend=0.0, skew=skew)
+            given = Press((("HEXA8", "HEXA8"),), contact=(("hexa", way),), counts=counts, bend=0.0, skew=skew)
             description = f"hexahedra on hexahedra, cut {way}, skew {skew}: the peers' problem"
             yield case(f"peers-{way}-skew-{skew}", description, given, 4.0, skew == 0.2)
         for words, slaves, keys in _QUADRANGLES if skew else ():
-            given = Press(tuple(product(slaves, ("HEXA8", "HEXA20"))), "3d", True, keys, counts, skew=skew)
+            given = Press(_every(slaves, ("HEXA8", "HEXA20")), "3d", True, keys, counts, skew=skew)
             description = f"distorted quadrangles, slaves {', '.join(slaves)}, skew {skew}"
             yield case(f"distorted-{words}-skew-{skew}", description, given, 5.0)
     for model in ("plane_stress", "axisymmetric", "ring"):
@@ -233,7 +236,7 @@ def _cases() -> Iterator[Case]:
         yield case(f"{name}-{dim}d", description, Press(_FEW[dim], model, dim == 3, keys), 4.0)
     # macro-elements of whole faces; faces of QUAD8, and those that no star reaches, are cut
     for (model, kinds), joint in product((("plane_strain", PLANE_KINDS), ("3d", SOLID_KINDS)), ("contact", "tie")):
-        given = Press(tuple(product(kinds, repeat=2)), model, contact=(("macro", "stars"),), joint=joint)
+        given = Press(_every(kinds, kinds), model, contact=(("macro", "stars"),), joint=joint)
         yield case(f"stars-{joint}-{given.dim}d", f"stars, {joint}: every pair of kinds", given, 120.0)
 
 
