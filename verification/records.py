@@ -9,7 +9,7 @@ A result is kept as `results.json` has it, with `bound`, which says how value, e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
 from functools import partial, wraps
 from inspect import signature
@@ -130,7 +130,11 @@ class Outcome:
     failure: str = ""
 
 
-def problem(rows: Callable[..., Iterable[Result | Plot | Picture]]) -> Callable[..., Outcome]:
+#: a generator of the rows of an outcome
+Rows = Iterator[Result | Plot | Picture]
+
+
+def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
     """Turn a generator of results, plots and pictures into a function that returns them as an outcome.
 
     The number of meshes, `levels`, is passed on to generators that ask for it.

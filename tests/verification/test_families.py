@@ -21,14 +21,12 @@ from tests.samples import each_option
 from tests.verification import mutations
 from tests.verification.test_exact import hooke
 from verification.exact.coulomb import gauss_seidel, lemke, tresca
-from verification.exact.finite_bodies import PROFILES, Profile
 from verification.families import cases as cases_of
 from verification.families import (
     curved,
     distributed,
     family,
     friction_patch,
-    hertz_engineering,
     levels_in,
     manufactured,
     patch,
@@ -238,8 +236,8 @@ def test_a_frozen_set_does_not_converge(monkeypatch):
         HERTZ.outcome()
 
 
-def test_another_problem_is_found_out(monkeypatch):
-    """Less friction than sticks; a closer bound; mass on the skin; profiles that are 1 % wider."""
+def test_another_problem_is_found_out():
+    """Less friction than sticks; a closer bound; mass on the skin."""
     given = friction_patch.Sheared((("QUAD4", "QUAD4"),), 2, False, keys=(("friction", 0.19),))
     assert patch.STRESS in missed(friction_patch.solve_case(given, levels=1))
     name = "ssnp173a-TRIA6-facet"
@@ -250,13 +248,6 @@ def test_another_problem_is_found_out(monkeypatch):
     wall = Impact("wall", cfl=0.25, dynamics=(("scheme", "newmark"),))
     plain, error = on_wall(replace(wall, dynamics=(*wall.dynamics, ("massless", "none"))), 8)
     assert error > 0.02 and plain.whole.max() > 1.001 and on_wall(wall, 8)[1] < error / 5
-    made = dict(PROFILES)
-    monkeypatch.setattr(hertz_engineering, "profile", lambda name, n: made[name])
-    assert all(
-        result.passed and result.value == 0 for result in hertz_engineering.compare_profiles(16, levels=1).results
-    )
-    made |= {name: Profile(kept.force, kept.width * 1.01, kept.shape) for name, kept in PROFILES.items()}
-    assert not any(result.passed for result in hertz_engineering.compare_profiles(16, levels=1).results)
 
 
 # ---- what the cases are
