@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from verification.families import (
     friction_bank,
+    friction_blocks,
     friction_bodies,
     friction_cattaneo,
-    friction_inf_sup,
     friction_moving,
-    friction_patch,
     friction_published,
 )
 from verification.records import Family
 
 _PROBLEMS = (
-    friction_patch,
-    friction_inf_sup,
+    friction_blocks,
     friction_cattaneo,
     friction_bodies,
     friction_moving,
