@@ -120,7 +120,7 @@ def solve_thrown(kind: str) -> Iterator[Result]:
         mesh, starts = sphere_on_wall(_WIDE, _GAP, n), {"ball": {"vy": -_SPEED}}
     else:
         centre = 0.0, OUTER + _GAP
-        mesh = on_wall(ring(n, 2, centre, "slave") if kind == "ring" else disc(n, centre, "slave"))
+        mesh = on_wall(ring(n, 2, centre) if kind == "ring" else disc(n, centre))
     text = case_text(
         "axisymmetric" if kind == "ball" else "plane_strain",
         entry("material", law="neo_hookean", young=100.0, poisson=0.3, density=1.0),
