@@ -28,7 +28,7 @@ from tests.problem_meshes import two_stacks, waved, waving
 from tests.problems import FINITE, HARD, PROBLEMS, contact, fix, hard, move
 from tests.samples import each_option
 from tests.worlds import World, assert_same, case_in, permuted, turned_world
-from verification.families.curved_problems import PLANE
+from verification.families.curved import PLANE
 from verification.families.moved_fits import MovedFit, solve_case
 from verification.families.press_fit import case_of as press_fit
 from verification.families.press_fit import mesh_of

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil, sqrt
 from typing import Any
 
@@ -69,31 +68,17 @@ class Bar:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImpactRun:
-    """A solved impact."""
+    """A solved impact: `time` (steps,), `motions` (energies, momenta, velocities), `pressure` (steps, n), `energies`
+    (steps, 8).
+    """
 
     solved: Solved
-
-    @cached_property
-    def motions(self) -> list[Any]:
-        """Motions (steps,): energies, momenta, velocities."""
-        return [state.step.motion for state in self.solved.states]
-
-    @cached_property
-    def time(self) -> Floats:
-        """(steps,)"""
-        return np.array([state.time for state in self.solved.states])
-
-    @cached_property
-    def pressure(self) -> Floats:
-        """(steps, n)"""
-        return np.array([state.zones[0].pressure for state in self.solved.states])
-
-    @cached_property
-    def energies(self) -> Floats:
-        """(steps, 8)"""
-        return np.array([motion.energies for motion in self.motions])
+    time: Floats
+    motions: list[Any]
+    pressure: Floats
+    energies: Floats
 
     @property
     def whole(self) -> Floats:
@@ -113,7 +98,11 @@ class ImpactRun:
 
 def run(text: str, mesh: Mesh) -> ImpactRun:
     """Solve an impact. Raises what `solve` raises."""
-    return ImpactRun(solve(text, mesh))
+    solved = solve(text, mesh)
+    motions: list[Any] = [state.step.motion for state in solved.states]
+    pressure = np.array([state.zones[0].pressure if state.zones else [] for state in solved.states])
+    time, energies = np.array([state.time for state in solved.states]), np.array([m.energies for m in motions])
+    return ImpactRun(solved, time, motions, pressure, energies)
 
 
 def on_wall(given: Bar, n: int) -> tuple[ImpactRun, float]:
