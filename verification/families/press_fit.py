@@ -32,7 +32,18 @@ from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import displacement_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring, sleeve
 from verification.records import Case, Family, Published, Result, at_most, equal, problem, rate, row
-from verification.solving import LevelSolution, balanced, case_text, convergence, entry, finished, fixed, solve
+from verification.solving import (
+    LevelSolution,
+    balanced,
+    case_text,
+    contact,
+    convergence,
+    entry,
+    finished,
+    fixed,
+    material,
+    solve,
+)
 
 Floats = NDArray[np.floating]
 Normals = Literal["facet", "smoothed"]
@@ -119,11 +130,8 @@ def case_of(given: PressFit, surface: str = "smooth") -> str:
     pressures = (("inner", given.pressure), ("outer", given.outside))
     return case_text(
         given.model,
-        *(entry("material", groups=[name], young=young, poisson=poisson) for name, young, poisson in bodies),
-        entry(
-            "contact", slave="slave", master="master", normals=given.normals, surface=surface,
-            clearance=-given.interference if given.interference else None, macro=given.macro,
-        ),
+        *(material(young, poisson, groups=[name]) for name, young, poisson in bodies),
+        contact(normals=given.normals, surface=surface, clearance=-given.interference or None, macro=given.macro),
         *(fixed(f"{axis}0", axis) for axis in "xyz"[: given.dim]),
         *(entry("pressure", group=group, value=value) for group, value in pressures if value),
     )  # fmt: skip
@@ -223,19 +231,15 @@ def solve_hub(cell: str, slave: Body, *, levels: int) -> Iterator[Result]:
     hub = sleeve(cell, (4, *turns[1], along), (20.0, 35.0), _HUB)
     planes = {"middle": "y" if axial else "z"} | ({} if axial else {"x0": "x", "y0": "y"})
     text = case_text(
-        "axisymmetric" if axial else "3d",
-        entry("material", young=210000.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", clearance=-0.02),
+        "axisymmetric" if axial else "3d", material(210000.0, 0.3), contact(clearance=-0.02),
         *(fixed(group, axis) for group, axis in planes.items()),
-    )
+    )  # fmt: skip
     solved = solve(text, pair(shaft, hub, slave=slave))
     fields = solved.fields.zones["slave"]
     middle = np.abs(fields.centre[:, 1 if axial else 2]) < _MIDDLE * _HUB
     p_m, recovered = (float(p[middle] @ fields.area[middle]) for p in (fields.pressure, fields.recovered))
-    yield at_most(
-        "recovered pressure in the middle, error of its mean", abs(recovered / p_m - 1), 0.005, source=_EVEN,
-        reason="edges have their own share of the force",
-    )  # fmt: skip
+    yield at_most("recovered pressure in the middle, error of its mean", abs(recovered / p_m - 1), 0.005, source=_EVEN,
+                  reason="edges have their own share of the force")  # fmt: skip
     yield from balanced([solved])
 
 
@@ -253,10 +257,8 @@ def solve_example(file: str) -> Iterator[Result]:
     """The press fit of a case of data/."""
     solved = finished(Problem.of(lacsolver.read_case(example(file))))
     fields = solved.fields.zones["fit"]
-    yield at_most(
-        "recovered pressure, means, relative error (rms)", _off(fields.recovered, fields.area), 0.05, source=_LAME,
-        reason="few flat faces that do not match; p_m alternate",
-    )  # fmt: skip
+    yield at_most("recovered pressure, means, relative error (rms)", _off(fields.recovered, fields.area), 0.05,
+                  source=_LAME, reason="few flat faces that do not match; p_m alternate")  # fmt: skip
     z = np.abs(fields.centre[:, 2] - fields.centre[:, 2].mean())
     share = fields.area / fields.area.sum()
     middle = np.where(z < _MIDDLE * z.max(), share, 0.0)
