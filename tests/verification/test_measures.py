@@ -264,11 +264,11 @@ def test_the_coarsest_cylinder_has_less_error_than_any_peer_and_tells_theirs():
 
 def test_swings():
     smooth = np.sqrt(np.maximum(1 - np.linspace(-1.2, 1.2, 25) ** 2, 0))
-    assert sliding.alternation(smooth) == 0 and sliding.variation(smooth) == pytest.approx(0, abs=1e-12)
+    assert sliding.alternation(smooth) == 0
     rough = smooth + 0.1 * (-1.0) ** np.arange(25) * (smooth > 0)
-    assert 0.05 < sliding.alternation(rough) < 0.1 and sliding.variation(rough) > 0.5
+    assert 0.05 < sliding.alternation(rough) < 0.1
     two = np.concatenate([smooth, smooth])
-    assert sliding.alternation(two) == 0 and sliding.variation(two) == pytest.approx(1)
+    assert sliding.alternation(two) == 0
 
 
 def test_newton_is_judged_by_its_last_iterations_and_not_while_the_set_changes():
@@ -280,12 +280,12 @@ def test_newton_is_judged_by_its_last_iterations_and_not_while_the_set_changes()
     last = sliding.last_pairs(good.residuals, 1e-10)
     assert last == [(1e-3, 2e-6), (2e-6, 3e-11)]
     assert sliding.quadratic(last, 1e-10) and not sliding.quadratic([(5e-5, 1e-5)], 1e-10)
-    halved, told, share, *_ = sliding.newton([good, slow], 1e-10)
-    assert halved.passed and told.value == 2 and share.value == 0.5 and not share.passed
-    assert sliding.newton([good], 1e-10)[2].passed
+    halved, share = sliding.newton([good, slow], 1e-10)
+    assert halved.passed and share.value == 0.5 and not share.passed and share.reason.startswith("2 of 2 steps")
+    assert [result.passed for result in sliding.newton([good], 1e-10)] == [True, True]
     changing = [state(1e-3, 5e-4, 1e-13, settled=settled) for settled in (3, 2, 1)]
-    assert not sliding.newton(changing[:1], 1e-10)[2].passed and sliding.newton(changing[1:2], 1e-10)[2].passed
-    assert len(sliding.newton(changing[2:], 1e-10)) == 1
+    shares = [[result.passed for result in sliding.newton([state], 1e-10)][1:] for state in changing]
+    assert shares == [[False], [True], []]
 
 
 # ---- seconds
