@@ -155,7 +155,7 @@ def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
 
 def row(
     family: str, name: str, description: str, solve: Callable[..., Outcome], *given: Any, quick: int = 0, full: int = 0,
-    every: int = 0, seconds: float = 5.0, exclusive: bool = False, **more: Any,
+    every: int = 0, seconds: float = 5.0, **more: Any,
 ) -> Case:  # fmt: skip
     """A row of the table of a family: the case that solves a `problem` with these arguments.
 
@@ -163,7 +163,7 @@ def row(
     stands.
     """
     levels = {suite: n for suite, n in zip(SUITES, (quick, full, every), strict=True) if n}
-    return Case(family, name, description, partial(solve, *given, **more), levels, seconds, exclusive)
+    return Case(family, name, description, partial(solve, *given, **more), levels, seconds)
 
 
 def equal(

@@ -301,13 +301,13 @@ def test_an_exponent_is_judged(power, passed):
 
 
 def test_every_stage_is_timed(monkeypatch):
-    for name, value in {"ROUNDS": 1, "_SOLVED": (2, 4), "_clock": lambda: (time.process_time(), 0.0)}.items():
+    for name, value in {"ROUNDS": 1, "_clock": lambda: (time.process_time(), 0.0)}.items():
         monkeypatch.setattr(scaling, name, value)
     monkeypatch.setattr(scaling.seconds_of, "__defaults__", (0.0,))
-    # a search for garbage before each of the 20 takes long among all that tests have made
+    # a search for garbage before each of the 12 takes long among all that tests have made
     monkeypatch.setattr(scaling, "gc", SimpleNamespace(collect=lambda: None))
     names = [result.quantity for result in scaling.run("HEXA8", (4, 6), levels=2).results]
-    assert names[::2] == [f"exponent of {stage}" for stage in (*scaling._STAGES, "the solve")]
+    assert names[::2] == [f"exponent of {stage}" for stage in scaling._STAGES]
 
 
 # ---- differences of several processes
