@@ -122,9 +122,9 @@ def solved(given: PressedCylinders, k: int, friction: float | None = None) -> So
     """Solve with about k macro-elements to the half-width; `friction`: that of the exact solution by default."""
     exact = given.exact
     coefficient = exact.friction if friction is None else friction
-    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
+    keys = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
     motions = {"upper": given.motion(1), "lower": given.motion(-1)}
-    case = case_of(contact, (exact.young, exact.poisson), motions, given.times)
+    case = case_of(keys, (exact.young, exact.poisson), motions, given.times)
     return solve(case, half_planes(given.cell, k, FRACTION))
 
 
@@ -197,9 +197,9 @@ def solved_balls(cell: str, k: int, friction: float | None, times: tuple[float, 
     aside, deep, even = edge_lines(k, FRACTION), depth_lines(k), np.linspace(0, REACH, 3 * k // 2 + 1)
     upper = piece(cell, [np.concatenate([-aside[:0:-1], aside]), aside, deep])
     lower = piece(cell, [np.concatenate([-even[:0:-1], even]), even, -deep[::-1]])
-    contact = {"clearance": f"(x**2 + y**2) / {2 * SPHERES.radius!r}", "friction": friction}
+    keys = {"clearance": f"(x**2 + y**2) / {2 * SPHERES.radius!r}", "friction": friction}
     motions = {"upper": _motion_of_ball(1), "lower": _motion_of_ball(-1)}
-    case = case_of(contact, (SPHERES.young, 0.0), motions, times, fixed("axis_y", "y"), model="3d")
+    case = case_of(keys, (SPHERES.young, 0.0), motions, times, fixed("axis_y", "y"), model="3d")
     return solve(case, facing(upper, lower, y0="axis_y"))
 
 

@@ -282,7 +282,7 @@ def solve_leaning(friction: float) -> Iterator[Result]:
         yield equal(name, float(np.mean(forces)), 1 / denominator, within, source="a rigid rod", reason=reason)
     else:
         foot = nodes_of(one.mesh, "slave")
-        early = max(abs(state.u.reshape(-1, 2)[foot, 0].mean()) for state in one.states[:50]) / 0.05
+        early = np.abs([state.u.reshape(-1, 2)[foot, 0].mean() for state in one.states[:50]]).max() / 0.05
         name = "way of the foot in half the time, of that without friction"
         yield at_most(name, early, 0.05, source="it jams: an impact without a collision")
         source = "a rigid rod has none that is finite"

@@ -68,12 +68,12 @@ def finite(approach: float) -> float:
     of mass by less than a half-space's by c F / (E R), in the mean weighted by p0. As p0 is stationary, the energy at
     an approach grows by c F^2 / (2 E R); at a given energy the force grows by a part of c (a / R) / (1 - nu^2).
     """
-    contact, young = sqrt(approach), 1e4  # so stiff that displacements are small
-    force = 2 / 3 * pi * contact**2
-    mesh = sphere_on_wall(contact, 1e-9, 16)
+    radius, young = sqrt(approach), 1e4  # so stiff that displacements are small
+    force = 2 / 3 * pi * radius**2
+    mesh = sphere_on_wall(radius, 1e-9, 16)
     text = case_text(
         "axisymmetric", material(young, _NU),
-        entry("traction", group="slave", ty=f"sqrt(max(0, 1 - (x / {contact!r})**2))"),
+        entry("traction", group="slave", ty=f"sqrt(max(0, 1 - (x / {radius!r})**2))"),
         entry("body_force", groups=["ball"], fy=-force / (4 / 3 * pi)),
         entry("displacement", at=[0.0, float(mesh.points[:, 1].max())], uy=0.0), entry("rigid", group="wall"),
     )  # fmt: skip
@@ -84,11 +84,11 @@ def finite(approach: float) -> float:
     centre = sum((p.w * v).sum() for p, v in ball) / sum(p.w.sum() for p, _ in ball)
     loss, weight = 0.0, 0.0
     for p, v in skin:
-        inside = np.maximum(0.0, 1 - (p.x[..., 0] / contact) ** 2)
-        half_space = pi * contact * (1 + inside) * (1 - _NU**2) / (4 * young)
+        inside = np.maximum(0.0, 1 - (p.x[..., 0] / radius) ** 2)
+        half_space = pi * radius * (1 + inside) * (1 - _NU**2) / (4 * young)
         w = p.w * np.sqrt(inside)
         loss, weight = loss + (w * (half_space - v + centre)).sum(), weight + w.sum()
-    return 1 + loss / weight * young / force * contact / (1 - _NU**2)
+    return 1 + loss / weight * young / force * radius / (1 - _NU**2)
 
 
 # ---- large deformations
@@ -193,9 +193,9 @@ def solve_order(given: Bar, *, levels: int) -> Iterator[Result]:
     """
     counts = [_COUNT << level for level in range(levels)]
     *coarser, right = (_loaded(given, count) for count in (*counts, _COUNT * _FINER))
-    exact_values, unknowns = _at_the_end(right), [right.unknowns] * levels
+    reference, unknowns = _at_the_end(right), [right.unknowns] * levels
     for k, what in enumerate(("displacement", "velocity", "force of contact")):
-        own = exact_values[k]
+        own = reference[k]
         errors = [float(np.abs(_at_the_end(one)[k] - own).max() / np.abs(own).max()) for one in coarser]
         table = levels_of([_END / count for count in counts], unknowns, errors)
         reason = f"against steps of 1/{_COUNT * _FINER} of the time"

@@ -86,7 +86,7 @@ class ImpactRun:
     @property
     def unbalanced(self) -> float:
         """Largest error of the account of energy, relative to the largest energy."""
-        return float(max(abs(motion.account) for motion in self.motions) / np.abs(self.energies).max())
+        return float(np.abs([motion.account for motion in self.motions]).max() / np.abs(self.energies).max())
 
     def error(self, right: float, start: float, last: float) -> float:
         """Root mean square of the error of pressures from 10 % to 90 % of a contact, relative to the right one."""
