@@ -9,7 +9,7 @@ A result is kept as `results.json` has it, with `bound`, which says how value, e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
 from functools import partial, wraps
 from inspect import signature
@@ -131,7 +131,11 @@ class Outcome:
     failure: str = ""
 
 
-def problem(rows: Callable[..., Iterable[Result | Plot | Picture]]) -> Callable[..., Outcome]:
+#: a generator of the rows of an outcome
+Rows = Iterator[Result | Plot | Picture]
+
+
+def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
     """Turn a generator of results, plots and pictures into a function that returns them as an outcome.
 
     The number of meshes, `levels`, is passed on to generators that ask for it.
@@ -152,7 +156,7 @@ def problem(rows: Callable[..., Iterable[Result | Plot | Picture]]) -> Callable[
 
 def row(
     family: str, name: str, description: str, solve: Callable[..., Outcome], *given: Any, quick: int = 0, full: int = 0,
-    every: int = 0, seconds: float = 5.0, exclusive: bool = False, **more: Any,
+    every: int = 0, seconds: float = 5.0, **more: Any,
 ) -> Case:  # fmt: skip
     """A row of the table of a family: the case that solves a `problem` with these arguments.
 
@@ -160,7 +164,7 @@ def row(
     stands.
     """
     levels = {suite: n for suite, n in zip(SUITES, (quick, full, every), strict=True) if n}
-    return Case(family, name, description, partial(solve, *given, **more), levels, seconds, exclusive)
+    return Case(family, name, description, partial(solve, *given, **more), levels, seconds)
 
 
 def equal(
