@@ -70,18 +70,25 @@ def _without(some: Rows, others: Rows) -> list[str]:
     return list(dict.fromkeys(f"{c}: {q}" if c in cases else c for c, q in some if (c, q) not in others))
 
 
-def _another_value(old: dict[str, Any], new: dict[str, Any]) -> bool:
-    a, b = old["value"], new["value"]
+def _differ(a: float | None, b: float | None, rounding: float = 0.0) -> bool:
     if a is None or b is None:
         return a is not b
+    return abs(a - b) > max(CHANGED * max(abs(a), abs(b)), rounding)
+
+
+def _another_value(old: dict[str, Any], new: dict[str, Any]) -> bool:
     limit = new["expected"] if new["bound"] == "at most" and new["expected"] <= CHANGED else 0.0
-    return abs(a - b) > max(CHANGED * max(abs(a), abs(b)), ROUNDING * limit)
+    return _differ(old["value"], new["value"], ROUNDING * limit)
+
+
+def _another_bound(old: dict[str, Any], new: dict[str, Any]) -> bool:
+    return old["bound"] != new["bound"] or any(_differ(old[name], new[name]) for name in ("expected", "tolerance"))
 
 
 _KINDS = {
     "missed now": lambda old, new: old["passed"] and not new["passed"],
     "met now": lambda old, new: new["passed"] and not old["passed"],
-    "with another bound": lambda old, new: any(old[name] != new[name] for name in ("bound", "expected", "tolerance")),
+    "with another bound": _another_bound,
     "with another value": _another_value,
 }
 
