@@ -47,7 +47,7 @@ PATIENCE = 3600.0
 ARGUMENTS = [
     "-c", os.devnull, "--rootdir", str(ROOT), "--disable-plugin-autoload", "-p", "xdist", "-p", "no:terminal",
     "-p", "no:cacheprovider", "-p", "no:warnings", "--dist", "load", "--maxschedchunk", "1",
-    "--max-worker-restart", "1000000", str(Path(__file__).with_name("cases.py")),
+    str(Path(__file__).with_name("cases.py")),
 ]  # fmt: skip
 #: what libraries read the number of threads from
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -214,9 +214,12 @@ def _solve(planned: Sequence[tuple[Case, int]], jobs: int, ended: Callable[[Case
     parts = [cores[k::jobs] or cores for k in range(jobs)]
     session = _Session(planned, parts, ended)
     threads = "".join(f"//env:{name}={len(parts[0]) or 1}" for name in _THREADS)
-    pytest.main([*ARGUMENTS, "--tx", f"{jobs}*popen{threads}"], plugins=[session])
+    restarts = ["--max-worker-restart", str(len(planned))]  # each case may end a process once
+    pytest.main([*ARGUMENTS, *restarts, "--tx", f"{jobs}*popen{threads}"], plugins=[session])
     if session.error is not None:
         raise session.error
+    if session.left:
+        raise RuntimeError(f"the processes that solve cases ended before {', '.join(sorted(session.left))}")
 
 
 class _Session:
@@ -226,6 +229,7 @@ class _Session:
         self, planned: Sequence[tuple[Case, int]], cores: list[list[int]], ended: Callable[[CaseResult], None]
     ) -> None:
         self.planned, self.ended, self.free = {case.id: (case, n) for case, n in planned}, ended, cores
+        self.left = set(self.planned)
         self.cores, self.pids, self.began = dict[str, list[int]](), dict[str, int](), dict[str, float]()
         self.status, self.error = 0, cast("BaseException | None", None)
 
@@ -260,6 +264,7 @@ class _Session:
             outcome = Outcome(failure=_why(self.status, seconds))
         log = report.capstdout + report.capstderr if outcome.failure else ""
         case, levels = self.planned[report.nodeid.partition("[")[2][:-1]]
+        self.left.discard(case.id)
         self.ended(CaseResult(case.family, case.name, levels, seconds, sources(), outcome, log))
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:

@@ -64,6 +64,8 @@ def planned(names, levels=2):
 def pytest_configure(config):
     """Let a process that solves cases know this family."""
     if hasattr(config, "workerinput"):
+        if "FAKES" not in os.environ:
+            os._exit(3)
         families.MODULES["fake"], sys.modules["verification.families.fake"] = "fake", sys.modules[__name__]
 
 

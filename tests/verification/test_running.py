@@ -111,6 +111,13 @@ def test_case_that_measures_time_is_alone(fake, tmp_path):
     assert began["timed"][1] > began["halting"][1] + 0.5 and began["timed"][2] == len(os.sched_getaffinity(0))
 
 
+def test_processes_that_end_at_their_start_are_an_error(fake, tmp_path, monkeypatch):
+    monkeypatch.delenv("FAKES")
+    with pytest.raises(RuntimeError, match=r"no active workers|ended before fake/a"):
+        run(planned("ab"), tmp_path / "run")
+    assert read_run(tmp_path / "run").done == ()
+
+
 def test_case_that_a_process_does_not_know_is_an_error(fake, tmp_path):
     unknown = Case("fake", "unknown", "", partial(print), {"quick": 1})
     with pytest.raises(RuntimeError, match="unknown"):
