@@ -247,6 +247,37 @@ def entry(table: str, **keys: object) -> str:
     return "\n".join([head, *filter(None, [_keys(**keys)])])
 
 
+def material(young: float, poisson: float, **keys: object) -> str:
+    """The table of a material."""
+    return entry("material", young=young, poisson=poisson, **keys)
+
+
+def contact(slave: str = "slave", master: str = "master", **keys: object) -> str:
+    """The table of a contact."""
+    return entry("contact", slave=slave, master=master, **keys)
+
+
+def fixed(group: str, axes: str) -> str:
+    """The table of a group whose displacement along some axes, such as "xy", is zero.
+
+    >>> print(fixed("bottom", "xy"))
+    [[displacement]]
+    group = "bottom"
+    ux = 0.0
+    uy = 0.0
+    """
+    return entry("displacement", group=group, **{f"u{axis}": 0.0 for axis in axes})
+
+
+def times(*counts: int) -> list[float]:
+    """Ends of time steps: so many in each unit of time.
+
+    >>> times(1, 4)
+    [1.0, 1.25, 1.5, 1.75, 2.0]
+    """
+    return [unit + (k + 1) / count for unit, count in enumerate(counts) for k in range(count)]
+
+
 def _keys(**keys: object) -> str:
     return "\n".join(f"{key} = {_toml(value)}" for key, value in keys.items() if value is not None)
 

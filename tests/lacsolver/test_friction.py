@@ -31,7 +31,7 @@ from tests.lacsolver.contact_cases import load, nodes_of, total
 from tests.lacsolver.patch_meshes import stack
 from tests.problems import ELASTIC, case_of, contact, fix, move
 from tests.samples import each_option
-from verification.families import friction_moving, friction_patch
+from verification.families import friction_blocks, friction_moving
 from verification.meshes.blocks import block, joined
 from verification.meshes.friction import ring_on_hub
 
@@ -97,8 +97,8 @@ PATCHES = [
 def test_patch(pair, slides):
     """Two blocks that do not match, tilted, under pressure and shear, sticking or sliding, are exact; either role."""
     dim, *kinds = pair
-    given = friction_patch.Sheared((tuple(kinds),), dim, slides, tilted=True, skew=0.15)
-    assert meets_its_figures(friction_patch.solve_case(given, levels=1))
+    given = friction_blocks.Sheared((tuple(kinds),), dim, slides, tilted=True, skew=0.15)
+    assert meets_its_figures(friction_blocks.solve_sheared(given, levels=1))
 
 
 @pytest.mark.rows("False")

@@ -294,7 +294,7 @@ def test_contact_between_rigid_bodies_needs_a_stiffness():
 def test_a_step_of_large_contact_work_is_refined():
     """A ring that is thrown in large steps: without smaller ones where it hits, energy is created."""
     flight = ls.Dynamics(scheme="newmark"), thrown("body", vy=-1.0), ls.Steps(end=0.4, count=8)
-    mesh = on_wall(ring(24, 2, (0.0, 1.05), "slave"))
+    mesh = on_wall(ring(24, 2, (0.0, 1.05)))
     _, states, motions = moved(mesh, *flight, law=replace(LARGE, young=100.0))
     table = np.array([m.energies for m in motions])
     whole, work = table[:, :2].sum(axis=1) / table[0, 2], np.abs(np.diff(table[:, 4])) / table[0, 2]

@@ -1,6 +1,6 @@
-"""Growth of computing time with size: cut, search, assembly, and the solve.
+"""Growth of computing time with size: cut, search, assembly.
 
-Expected: each stage but the solve visits every cell or face a bounded number of times (trees of boxes add a logarithm),
+Expected: each stage visits every cell or face a bounded number of times (trees of boxes add a logarithm),
 so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
 a small problem that compiles and loads all that is used. They hold what the kernel spends on clearing new pages, which
 arrays below some size do without, since their memory is used again: a step, which is seen in the difference to the
@@ -13,8 +13,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +23,11 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
-from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.pages.charts import Line, Plot
-from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
+from verification.records import Case, Family, Result, Rows, at_most, informative, levels_of, problem, row
 from verification.solving import case_text, entry
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
@@ -39,8 +36,6 @@ LINEAR = 1.05
 ROUNDS = 4
 #: seconds that a stage is repeated for in a round
 LONG_ENOUGH = 0.15
-#: cells along the slave's side where the problem is solved
-_SOLVED = (17, 24, 34)
 _SOURCE = "every cell and face is visited a bounded number of times"
 
 
@@ -93,10 +88,6 @@ class BenchmarkStages:
         space = Space.of(self.problem.space.mesh, "3d")
         assemble_stiffness(space, self.problem.materials, 1)
 
-    def solve(self) -> None:
-        """Solve, from the stiffness to the state."""
-        list(march(self.problem))
-
 
 #: name of a stage -> the method of `BenchmarkStages` that runs it, the property it is compared with, that in words
 _STAGES: dict[str, tuple[str, str, str]] = {
@@ -107,24 +98,21 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 }
 
 
-def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int) -> Outcome:
-    """Time all stages on plates of some sizes; only the smaller ones are solved.
+@problem
+def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int) -> Rows:
+    """Time all stages on plates of some sizes.
 
     `sides`: cells along the slave's side, level by level. The coarsest matrix is larger than a processor's cache: what
     fits takes less time a cell, which is not growth.
     """
     small = BenchmarkStages.of(kind, 6, hexa)
-    _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
+    _ = timed([small])  # compiled and loaded, all that is used
     problems = [BenchmarkStages.of(kind, n, hexa) for n in sides[:levels]]
-    whole, program = timed(problems)
-    answers = [BenchmarkStages.of(kind, n, hexa) for n in _SOLVED]
-    spent = [seconds_of(one.solve, 0.0)[0] for one in answers]
-    results = [
-        result
-        for stage, row, own in zip(_STAGES, whole, program, strict=True)
-        for result in (_judged(stage, problems, row), _alone(stage, problems, own))
-    ]
-    return Outcome((*results, _solve(answers, spent)), (_plot(kind, problems, whole, answers, spent),))
+    for stage, whole, program in zip(_STAGES, *timed(problems), strict=True):
+        yield _judged(stage, problems, whole)
+        sizes, words = _sizes(stage, problems)
+        reason = f"seconds of the program against {words}, without the kernel's for new memory: what a miss is due to"
+        yield informative(f"exponent of {stage}, program alone", fitted(sizes, program), reason=reason)
 
 
 def timed(problems: Sequence[BenchmarkStages]) -> NDArray[np.floating]:
@@ -181,44 +169,20 @@ def _judged(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[f
     return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)
 
 
-def _alone(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    sizes, words = _sizes(stage, problems)
-    reason = f"seconds of the program against {words}, without the kernel's for new memory: says what a miss is due to"
-    return informative(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
-
-
 def _sizes(stage: str, problems: Sequence[BenchmarkStages]) -> tuple[list[int], str]:
     _, size, words = _STAGES[stage]
     return [getattr(one, size) for one in problems], words
 
 
-def _solve(answers: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    unknowns = [one.unknowns for one in answers]
-    reason = "of seconds against unknowns (h of the levels); the work of a direct solver grows faster than they do"
-    levels = levels_of(unknowns, unknowns, seconds)
-    return informative("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
-
-
-def _plot(
-    kind: str, problems: Sequence[BenchmarkStages], seconds: NDArray[np.floating],
-    answers: Sequence[BenchmarkStages], spent: Sequence[float],
-) -> Plot:  # fmt: skip
-    cells = tuple(float(one.cells) for one in problems)
-    lines = [Line(stage, cells, tuple(row.tolist())) for stage, row in zip(_STAGES, seconds, strict=True)]
-    lines.append(Line("solve", tuple(float(one.cells) for one in answers), tuple(spent)))
-    title = f"seconds of each stage, {kind}"
-    return Plot("scaling", title, "cells of the mesh", "seconds", tuple(lines), log_x=True, log_y=True)
-
-
 def _cases() -> Iterator[Case]:
     hexahedra, tetrahedra = (34, 68, 136, 204), (56, 80, 112, 160, 224)
-    for name, kind, sides, hexa, levels in (
+    for name, kind, sides, hexa, suites in (
         ("HEXA8", "HEXA8", hexahedra, "pyramid", {"quick": 3, "full": 4}),
         ("TETRA4", "TETRA4", tetrahedra, "pyramid", {"full": 5}),
-        ("HEXA8-hexa", "HEXA8", hexahedra, "hexa", {"all": 3}),
+        ("HEXA8-hexa", "HEXA8", hexahedra, "hexa", {"every": 3}),
     ):
-        description = f"plates of {kind}, the slave cut {hexa}"
-        yield Case("scaling", name, description, partial(run, kind, sides, hexa), levels, 90.0, exclusive=True)
+        words = f"plates of {kind}, the slave cut {hexa}"
+        yield replace(row("scaling", name, words, run, kind, sides, hexa, **suites, seconds=90.0), exclusive=True)
 
 
 FAMILY = Family(
@@ -226,7 +190,7 @@ FAMILY = Family(
     "Scaling",
     "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
     "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional. The solve is for information.\n\n"
+    "proportional.\n\n"
     "Seconds are those of the process, without compilation, measured with nothing of the harness beside. The exponents "
     "of the program alone, without what the kernel spends on new memory, are given too.",
     tuple(_cases()),
