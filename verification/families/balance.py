@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from verification.meshes.blocks import bent, joined, nodes_of
-from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
+from verification.meshes.stacks import LAYERS, block, moved, stack, tower
 from verification.records import Case, Family, Rows, at_least, problem, row
 from verification.solving import balanced, case_text, entry, solve
 
@@ -117,7 +117,7 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
     if given.shape == "rigid":
         axis = "xyz"[up]
         lower, upper = (block(kind, (*(n,) * up, LAYERS), skew=0.05) for kind, n in ((slave, 3), (master, 2)))
-        face = skin(moved(upper, shift=np.eye(3)[up]), f"{axis}0")
+        face = moved(upper, shift=np.eye(3)[up]).only(f"{axis}0")
         return joined([(lower, {f"{axis}0": "bottom", f"{axis}1": "slave"}), (face, {f"{axis}0": "master"})])
     mesh = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
     x = mesh.points.copy()

@@ -7,14 +7,12 @@ to the half-width. Pressures are over the half-space's peak under the same force
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz
-from verification.measures.edge import edge_of_contact
+from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, Profile
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
 from verification.records import Family, Published, Rows, at_most, equal, informative, problem, row
@@ -57,70 +55,34 @@ class Spheres:
     coarsest: int = SPHERES
 
 
-class Measured(NamedTuple):
-    """Errors over the half-space's peak under the same force: rms within `INNER`, at the peak, of the half-width."""
-
-    rms: float
-    peak: float
-    width: float
+def rms_error(x: Floats, p: Floats, half_space: Hertz, profile: Profile) -> float:
+    """Rms error, within `INNER`, of pressures p at distances x from the axis, over the half-space's peak."""
+    s = x / half_space.radius
+    return float(np.sqrt(np.mean((p / half_space.peak - profile(s))[s <= INNER] ** 2)))
 
 
-def measured(x: Floats, p: Floats, half_space: Hertz, exact: Floats, top: float) -> Measured:
-    """Errors of pressures p at distances x from the axis; `exact` (at x) and `top` are over the half-space's peak.
-
-    The half-width is that of the pressures in the outer half of contact.
-    """
-    s, p = x / half_space.radius, p / half_space.peak
-    rms = float(np.sqrt(np.mean((p - exact)[s <= INNER] ** 2)))
-    return Measured(rms, float(p.max() / top - 1), edge_of_contact(s, p, 1.0, 0.5) - 1)
-
-
-def errors(solved: Solved, half_space: Hertz, uncut: Mesh, name: str) -> dict[str, Measured]:
-    """Errors against a profile: of p_m at the middle of the macro-elements (`means`); of the recovered pressure at the
-    slave's `nodes`, and at those of them that the mesh had before it was cut (`given`).
-    """
-    zone, x, profile = solved.fields.zones["slave"], solved.mesh.points[:, 0], PROFILES[name]
-    p = zone.pressure_recovered
-    skin = np.flatnonzero(np.isfinite(p))
-    given = skin[skin < uncut.n_nodes]
-    at = {
-        "given": (x[given], p[given]), "nodes": (x[skin], p[skin]),
-        "means": (middles(solved.mesh)[zone.number], zone.pressure),
-    }  # fmt: skip
-    return {
-        where: measured(x, p, half_space, profile(x / half_space.radius), profile.shape[0])
-        for where, (x, p) in at.items()
-    }
-
-
-def middles(mesh: Mesh) -> Floats:
-    """Distance (n_macros,) from the axis to the middle of each undeformed macro-element of a plane mesh."""
-    macro = mesh.cell_data["lac_macro"]
-    faces = np.flatnonzero(macro >= 0)
-    ends = np.concatenate([mesh.points[nodes[:, :2]] for _, _, nodes in mesh.select(faces)])
-    own = np.concatenate([macro[cells] for _, cells, _ in mesh.select(faces)])
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return np.asarray(np.bincount(own, length * ends[:, :, 0].mean(axis=1)) / np.bincount(own, length))
+def recovered(solved: Solved, uncut: Mesh) -> tuple[Floats, Floats]:
+    """Distance from the axis and recovered pressure of the slave's nodes that the mesh had before it was cut."""
+    p = solved.recovered[: uncut.n_nodes]
+    given = np.flatnonzero(np.isfinite(p))
+    return solved.mesh.points[given, 0], p[given]
 
 
 @problem
 def solve_cylinder(geometry: str, *, levels: int) -> Rows:
     """The cylinder of steel on a block of alloy; `geometry`: of the undeformed skins, or of the deformed ones."""
-    every = []
+    every, reference = [], PROFILES["linear" if geometry == "reference" else "current"]
     for n in SIZES[:levels]:
         mesh = cylinder_on_block(n)
         solved = solve(_cylinder_text(geometry), mesh)
         half_space = Hertz.plane(2 * abs(float(solved.figures.contact["slave"].resultant[1])))
-        found = errors(solved, half_space, mesh, "linear" if geometry == "reference" else "current")
+        rms = rms_error(*recovered(solved, mesh), half_space, reference)
         theirs = tuple(Published(who, f[n] / 100, _PEERS) for who, f in _MEASURED.items() if n in f)
         name = f"rms error of the recovered pressure, N = {n}"
         if n in BEST:
-            yield at_most(name, found["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
+            yield at_most(name, rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
         else:
-            yield informative(name, found["given"].rms, reason="no peer ran this mesh")
-        name, reason = f"the same at all slave nodes, N = {n}", "the cut adds two nodes to a face"
-        yield informative(name, found["nodes"].rms, reason=reason)
-        yield informative(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means")
+            yield informative(name, rms, reason="no peer ran this mesh")
         every.append(solved)
     yield from balanced(every)
 
@@ -158,7 +120,7 @@ def solve_spheres(given: Spheres, *, levels: int) -> Rows:
         solved = solve(text, mesh)
         every.append(solved)
         half_space = Hertz.round(abs(float(solved.figures.contact["slave"].resultant[1])))
-        found, stresses = errors(solved, half_space, mesh, "spheres"), solved.fields.stress[:, 1]
+        stresses, rms = solved.fields.stress[:, 1], rms_error(*recovered(solved, mesh), half_space, reference)
         pole = np.isfinite(stresses) & (np.abs(solved.mesh.points).max(axis=1) < 1e-9)
         for k, value in enumerate(stresses[pole], 1):
             yield equal(
@@ -172,11 +134,8 @@ def solve_spheres(given: Spheres, *, levels: int) -> Rows:
             source=f"{exact:.1f}: the same bodies by other finite elements, 128 cells to the radius of contact",
             reason="the worse of two points; of code_aster's too, on its mesh, of cells as large on the first level",
         )  # fmt: skip
-        for name, value in (
-            ("error of the recovered pressure on the axis", np.nanmax(solved.recovered[pole]) / -exact - 1),
-            ("rms error of the recovered pressure", found["given"].rms), ("rms error of p_m", found["means"].rms),
-        ):  # fmt: skip
-            yield informative(f"{name}, N = {n}", value, reason="nobody published it")
+        reason = "nobody published it"
+        yield informative(f"rms error of the recovered pressure, N = {n}", rms, reason=reason)
     yield at_most(
         "Newton iterations", every[0].iterations, given.iterations,
         source=f"reference/peers.md: code_aster {given.twin}, {given.steps} steps",
