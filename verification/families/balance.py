@@ -1,9 +1,15 @@
 """Balance of the contact forces on slave and master, in problems that are hard on it.
 
-Exact: action and reaction. The forces of both sides come from one rule, at the same points and along the same normal,
-so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their moment,
-since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a tie has
-the moment_arm of the gap in it.)
+What the slave gets the master gives. The forces of both sides come from one rule, at the same points and along the same
+normal, so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their
+moment, since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a
+tie has the moment arm of the gap in it.)
+
+Here skins are curved, warped, overhanging or rigid, non-matching and distorted, with facet and smoothed normals, on the
+undeformed and on the deformed bodies, under small and finite kinematics, with unilateral and bilateral contact, ties
+and several zones. Every other case with contact of this report has the same two results. They are relative to the sum
+of the sizes of the forces, and of the forces times their arms; in axisymmetry radial forces and moments balance all
+round, and the axial resultant alone is given.
 """
 
 from __future__ import annotations
@@ -186,15 +192,4 @@ def _cases() -> Iterator[Case]:
         yield _case(f"tower-{kinematics}", f"three blocks, two zones, {kinematics} kinematics", three, 5.0)
 
 
-FAMILY = Family(
-    "balance",
-    "Balance of forces",
-    "What the slave gets the master gives: the resultant of the contact forces on both, and their moment, must vanish "
-    "to rounding on any skins. Here they are curved, warped, overhanging or rigid, non-matching and distorted, with "
-    "facet and smoothed normals, on the undeformed and on the deformed bodies, under small and finite kinematics, with "
-    "unilateral and bilateral contact, ties and several zones. Every other case with contact of this report has the "
-    "same two results.\n\n"
-    "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
-    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
-    tuple(_cases()),
-)
+FAMILY = Family("balance", "Balance of forces", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -1,8 +1,14 @@
 """Hertz's contact against its own solution: half-spaces, of which the mesh is a piece that is held as they are.
 
-Flat bodies with the clearance r^2 / 2R, which is Hertz's own problem, small strains, geometry of the undeformed
-surfaces; on the outer sides the displacements of the half-spaces in closed form (`verification.exact.half_space`), so
-that the mesh is the only error. Lengths are in contact half-widths a = 1, stresses in the slave's modulus.
+Two elastic half-spaces, or one on a rigid plane, flat, with the clearance `r^2 / 2R`: Hertz's own problem, small
+strains, geometry of the undeformed surfaces. On the outer sides of the mesh the displacements of the half-spaces are
+imposed, in closed form (Muskhelishvili's solution in the plane, Green and Collins' potential about an axis), so that
+the mesh is the only error and rates are clean. The edge of contact lies at the same fraction of its macro-element on
+every level; slave and master lines do not match. Lengths are in contact half-widths a = 1, stresses in the slave's
+modulus.
+
+In the plane the displacement of half-planes is known up to a constant; the datum is that both surfaces' points on the
+axis stand still.
 """
 
 from __future__ import annotations
@@ -286,15 +292,4 @@ def _cases() -> Iterator[Case]:
             yield row("hertz", name, words, over_cut, given, quick=quick, full=full, seconds=15.0)
 
 
-TEXT = """\
-Two elastic half-spaces, or one on a rigid plane, whose clearance is `r^2 / 2R`: Hertz's own problem, of which the mesh
-is a piece. On its outer sides the displacements of the half-spaces are imposed, in closed form (Muskhelishvili's
-solution in the plane, Green and Collins' potential about an axis), so that the mesh is the only error and rates are
-clean. The edge of contact lies at the same fraction of its macro-element on every level; slave and master lines do not
-match.
-
-In the plane the displacement of half-planes is known up to a constant; the datum is that both surfaces' points on the
-axis stand still.
-"""
-
-FAMILY = Family("hertz", "Hertz, half-spaces", TEXT, tuple(_cases()))
+FAMILY = Family("hertz", "Hertz, half-spaces", __doc__.partition("\n\n")[2], tuple(_cases()))

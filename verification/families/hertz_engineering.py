@@ -1,7 +1,20 @@
 """Hertz's contact of finite bodies: the cylinder that contact codes are compared on, and the spheres of ssnv104.
 
-The reference is a solution of the same bodies by other finite elements (`verification.exact.finite_bodies`), 128 cells
-to the half-width. Pressures are over the half-space's peak under the same force.
+Bodies of finite size, as engineers mesh them. *The cylinder*: steel, of radius 50, on a block of alloy, plane strain,
+pushed by 0.2; N slave faces to the half-width, the mesh that other contact codes ran (`reference/peers.md`). *The
+spheres*: code_aster's ssnv104 k and l, two hemispheres whose flats are moved towards one another by 4 in ten steps.
+
+**The reference of the pressures** is not the half-space, from which these bodies differ by 0.17 %, but the same bodies
+solved by other finite elements, written in `data/provenance/finite_bodies.py` with numpy and scipy alone: QUAD4 with
+128 cells to the half-width, whose nodes meet, so that contact is a linear complementarity problem. It has two answers,
+which differ by 0.2 % and are both right to first order: of the linear theory (`linear`, gaps of the undeformed skins
+along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case is compared with
+its own.
+
+**The bounds are errors of peers.** Their published errors are against the half-space (`docs/benchmarks.md`). The same
+programs were run again by `benchmarks/peers.py` and their pressures measured against `current`, as they follow the
+deformed skins; the least of these errors on each mesh is what ours must not exceed. Pressures are measured under their
+own force, within 0.9 of the half-width, at the slave's nodes before the cut (NGSolve: means of faces).
 """
 
 from __future__ import annotations
@@ -146,29 +159,11 @@ def solve_spheres(given: Spheres, *, levels: int) -> Rows:
     yield every[0].picture(f"Two spheres, {given.cell}")
 
 
-TEXT = """
-Bodies of finite size, as engineers mesh them. *The cylinder*: steel, of radius 50, on a block of alloy, plane strain,
-pushed by 0.2; N slave faces to the half-width, the mesh that other contact codes ran (`reference/peers.md`). *The
-spheres*: code_aster's ssnv104 k and l, two hemispheres whose flats are moved towards one another by 4 in ten steps.
-
-**The reference of the pressures** is not the half-space, from which these bodies differ by 0.17 %, but the same bodies
-solved by other finite elements, written in `data/provenance/finite_bodies.py` with numpy and scipy alone: QUAD4 with
-128 cells to the half-width, whose nodes meet, so that contact is a linear complementarity problem. It has two answers,
-which differ by 0.2 % and are both right to first order: of the linear theory (`linear`, gaps of the undeformed skins
-along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case is compared with
-its own.
-
-**The bounds are errors of peers.** Their published errors are against the half-space (`docs/benchmarks.md`). The same
-programs were run again by `benchmarks/peers.py` and their pressures measured against `current`, as they follow the
-deformed skins; the least of these errors on each mesh is what ours must not exceed. Pressures are measured under their
-own force, within 0.9 of the half-width, at the slave's nodes before the cut (NGSolve: means of faces).
-"""
-
 _NAME = "hertz-engineering"
 FAMILY = Family(
     _NAME,
     "Hertz's contact of finite bodies",
-    TEXT,
+    __doc__.partition("\n\n")[2],
     (
         row(_NAME, "cylinder", "a cylinder on a block, linear theory", solve_cylinder, "reference",
             quick=2, full=4, every=5, seconds=15.0),

@@ -1,9 +1,19 @@
 """Inf-sup stability: the constant against h, and the contact pressures on meshes that lack it.
 
-A block whose slave side is cut, and the same block with each slave face a macro-element as it is. The constant that
-the theory promises for cut skins is that of the internal dofs alone (Abbas, Drouet, Hild, CMAME 339, 2018: the
-hypothesis of the internal dof); it is the same for all h and needs no solution. The exact pressure of the loaded blocks
-is that of a band pressed on both sides by 1 + q cos kx (Timoshenko and Goodier, Theory of Elasticity, art. 24).
+Pressures that are constant on macro-elements and displacements go together if the inf-sup constant beta of the two
+stays above zero as h falls: then p_m converges and cannot oscillate. The hypothesis of the internal dof is enough for
+it (Abbas, Drouet, Hild, CMAME 339, 2018), and `lacmesh cut` is there to make it true. Each problem is a block whose
+slave side is cut, and the same block with each slave face a macro-element as it is.
+
+**Constants.** Blocks of every type, their slave's rim fixed, which leaves displacements the least room. On the cut skin
+beta stays, above what the internal dofs alone give, which is the same for all h. Where each face is a macro-element as
+it is, beta is zero: on segments and triangles of linear cells since faces are as many as the nodes that move, or more;
+on quadrangles, QUAD4 and QUAD8, since all nodes average a checkerboard to zero. With the rim free, beta falls with h.
+Elsewhere it is reported: the hypothesis is sufficient, not necessary.
+
+**Pressures.** Blocks under a smooth load, nodes moved at random. The exact pressure is that of a band pressed on both
+sides by 1 + q cos kx (Timoshenko and Goodier, Theory of Elasticity, art. 24). On the cut skin p_m is about as good as
+the best constants are; on the uncut skin it oscillates from face to face.
 """
 
 from __future__ import annotations
@@ -301,19 +311,4 @@ def _cases() -> Iterator[Case]:
         )  # fmt: skip
 
 
-_TEXT = """
-Pressures that are constant on macro-elements and displacements go together if the inf-sup constant beta of the two
-stays above zero as h falls: then p_m converges and cannot oscillate. The hypothesis of the internal dof is enough for
-it, and `lacmesh cut` is there to make it true.
-
-**Constants.** Blocks of every type, their slave's rim fixed, which leaves displacements the least room. On the cut skin
-beta stays, above what the internal dofs alone give. Where each face is a macro-element as it is, beta is zero: on
-segments and triangles of linear cells since faces are as many as the nodes that move, or more; on quadrangles, QUAD4
-and QUAD8, since all nodes average a checkerboard to zero. With the rim free, beta falls with h. Elsewhere it is
-reported: the hypothesis is sufficient, not necessary.
-
-**Pressures.** Blocks under a smooth load, nodes moved at random, with an exact pressure. On the cut skin p_m is about
-as good as the best constants are; on the uncut skin it oscillates from face to face.
-"""
-
-FAMILY = Family("inf-sup", "Inf-sup condition", _TEXT.strip(), tuple(_cases()))
+FAMILY = Family("inf-sup", "Inf-sup condition", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -1,8 +1,14 @@
 """The patch test of contact: a uniform pressure goes through an interface whose faces do not match.
 
-Taylor, Papadopoulos, On a patch test for contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear
-Computational Mechanics, Springer, 1991. Exact: the stress is uniform, uniaxial (in plane strain with the stress that
-holds the plane), the displacement linear by Hooke's law, every p_m the pressure.
+Two unit blocks on one another under a uniform pressure: the stress is uniform, uniaxial (in plane strain with the
+stress that holds the plane), the displacement linear by Hooke's law, every p_m the pressure. A method passes only if it
+integrates the contact terms over the true intersections of the two skins (Taylor, Papadopoulos, On a patch test for
+contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear Computational Mechanics, Springer, 1991).
+
+Every type of cell is the slave and the master of every other, below and above, along the axes and in a tilted frame;
+the grids are uneven, and in some cases the faces are distorted quadrangles. Errors are the largest anywhere: of the
+stress at integration points, of the pressure of each macro-element, of the displacement of each node, relative to the
+largest value of each. What others obtained stands beside where they ran the same problem.
 """
 
 from __future__ import annotations
@@ -240,15 +246,4 @@ def _cases() -> Iterator[Case]:
         yield case(f"stars-{joint}-{given.dim}d", f"stars, {joint}: every pair of kinds", given, 120.0)
 
 
-FAMILY = Family(
-    "patch",
-    "Patch test",
-    "Two unit blocks on one another, whose faces do not match, under a uniform pressure: stress and displacement are "
-    "known to the last digit, and a method passes only if it integrates the contact terms over the true intersections "
-    "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
-    "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
-    "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
-    "the displacement of each node, relative to the largest value of each. What others obtained "
-    "stands beside where they ran the same problem.",
-    tuple(_cases()),
-)
+FAMILY = Family("patch", "Patch test", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -1,9 +1,12 @@
 """Growth of computing time with size: cut, search, assembly.
 
-Expected: each stage visits every cell or face a bounded number of times (trees of boxes add a logarithm),
-so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
-a small problem that compiles and loads all that is used. What the kernel spends on clearing new pages is in them, which
-arrays below some size do without, since their memory is used again: a step.
+The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells thick, so
+that skins grow as bodies do. Each stage visits every cell or face a bounded number of times (trees of boxes add a
+logarithm), so its time goes with the size to the power 1; the exponent is the slope of the logarithms by least squares.
+
+Seconds are those of the process, the least of some repetitions, after a small problem that compiles and loads all that
+is used, with nothing of the harness beside. What the kernel spends on clearing new pages is in them, which arrays below
+some size do without, since their memory is used again: a step.
 """
 
 from __future__ import annotations
@@ -163,12 +166,4 @@ def _cases() -> Iterator[Case]:
         yield replace(row("scaling", name, words, run, kind, sides, hexa, **suites, seconds=90.0), exclusive=True)
 
 
-FAMILY = Family(
-    "scaling",
-    "Scaling",
-    "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
-    "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional.\n\n"
-    "Seconds are those of the process, without compilation, measured with nothing of the harness beside.",
-    tuple(_cases()),
-)
+FAMILY = Family("scaling", "Scaling", __doc__.partition("\n\n")[2], tuple(_cases()))
