@@ -19,8 +19,6 @@ own force, within 0.9 of the half-width, at the slave's nodes before the cut (NG
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +33,8 @@ Floats = NDArray[np.floating]
 
 #: of each level of the cylinder, and of the first of the spheres: slave faces to the half-width
 SIZES, SPHERES = (4, 8, 16, 32, 64), 12
+#: of the spheres: normal stress of the half-space on the axis, and load steps
+HALF_SPACE, STEPS = -2798.3, 10
 #: where pressures are compared, in parts of the half-space's half-width
 INNER = 0.9
 _PEERS = "benchmarks/peers.py: the same mesh, the answers measured as ours are"
@@ -51,21 +51,6 @@ _WHY = (
     "the least error of a peer on this mesh, at the same nodes, against the solution of the same bodies with skins "
     "that are followed, as all of them do"
 )
-
-
-@dataclass(frozen=True)
-class Spheres:
-    """Two like hemispheres of radius 50, of cells of a type, code_aster's figures of its twin beside ours."""
-
-    cell: str
-    twin: str
-    stress: tuple[float, float]
-    iterations: int
-    young: float = SPHERE
-    poisson: float = POISSON
-    half_space: float = -2798.3
-    steps: int = 10
-    coarsest: int = SPHERES
 
 
 def rms_error(x: Floats, p: Floats, half_space: Hertz, profile: Profile) -> float:
@@ -113,23 +98,24 @@ def _cylinder_text(geometry: str) -> str:
 
 
 @problem
-def solve_spheres(given: Spheres, *, levels: int) -> Rows:
-    """The spheres, each level of cells half as large: normal stress of both bodies where the axis meets the skins,
-    against the half-space and against the same bodies; errors of the pressures.
+def solve_spheres(cell: str, twin: str, stress: tuple[float, float], iterations: int, *, levels: int) -> Rows:
+    """Two like hemispheres of cells of a type, half as large on each level: normal stress of both bodies where the axis
+    meets the skins, against the half-space and against the same bodies; errors of the pressures. `twin`: the test of
+    code_aster, with its `stress` and `iterations`.
     """
     text = case_text(
         "axisymmetric",
-        entry("material", young=given.young, poisson=given.poisson),
+        entry("material", young=SPHERE, poisson=POISSON),
         entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
               surface="faces"),  # as code_aster's are
         entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
-        entry("displacement", group="axis", ux=0.0), entry("steps", count=given.steps),
+        entry("displacement", group="axis", ux=0.0), entry("steps", count=STEPS),
     )  # fmt: skip
     every, reference = [], PROFILES["spheres"]
     exact = -reference.shape[0] * Hertz.round(reference.force).peak
-    code_aster = tuple(Published(f"code_aster {given.twin}", v, "reference/cases.json") for v in given.stress)
-    for n in (given.coarsest << level for level in range(levels)):
-        mesh = spheres(given.cell, n)
+    code_aster = tuple(Published(f"code_aster {twin}", v, "reference/cases.json") for v in stress)
+    for n in (SPHERES << level for level in range(levels)):
+        mesh = spheres(cell, n)
         solved = solve(text, mesh)
         every.append(solved)
         half_space = Hertz.round(abs(float(solved.figures.contact["slave"].resultant[1])))
@@ -137,11 +123,11 @@ def solve_spheres(given: Spheres, *, levels: int) -> Rows:
         pole = np.isfinite(stresses) & (np.abs(solved.mesh.points).max(axis=1) < 1e-9)
         for k, value in enumerate(stresses[pole], 1):
             yield equal(
-                f"normal stress on the axis, point {k}, N = {n}", value, given.half_space, 0.05 * abs(given.half_space),
-                source=f"Hertz's half-space, the analytic value of code_aster's {given.twin}", published=code_aster,
+                f"normal stress on the axis, point {k}, N = {n}", value, HALF_SPACE, 0.05 * abs(HALF_SPACE),
+                source=f"Hertz's half-space, the analytic value of code_aster's {twin}", published=code_aster,
                 reason="code_aster's own tolerance, as its bodies are finite: they are 4.0 % above the half-space",
             )  # fmt: skip
-        worst, theirs = (float(np.abs(np.array(v) / exact - 1).max()) for v in (stresses[pole], given.stress))
+        worst, theirs = (float(np.abs(np.array(v) / exact - 1).max()) for v in (stresses[pole], stress))
         yield at_most(
             f"error of the normal stress on the axis, N = {n}", worst, theirs,
             source=f"{exact:.1f}: the same bodies by other finite elements, 128 cells to the radius of contact",
@@ -150,13 +136,13 @@ def solve_spheres(given: Spheres, *, levels: int) -> Rows:
         reason = "nobody published it"
         yield informative(f"rms error of the recovered pressure, N = {n}", rms, reason=reason)
     yield at_most(
-        "Newton iterations", every[0].iterations, given.iterations,
-        source=f"reference/peers.md: code_aster {given.twin}, {given.steps} steps",
+        "Newton iterations", every[0].iterations, iterations,
+        source=f"reference/peers.md: code_aster {twin}, {STEPS} steps",
         reason="the same steps on cells of the size of its mesh; ours also ends at a tighter tolerance",
     )  # fmt: skip
     yield at_most("halved steps", every[0].halvings, 0, source="the steps that are given")
     yield from balanced(every)
-    yield every[0].picture(f"Two spheres, {given.cell}")
+    yield every[0].picture(f"Two spheres, {cell}")
 
 
 _NAME = "hertz-engineering"
@@ -170,8 +156,8 @@ FAMILY = Family(
         row(_NAME, "cylinder_current", "the same, deformed skins followed", solve_cylinder, "current",
             full=4, every=5, seconds=40.0),
         row(_NAME, "ssnv104k", "two spheres, TRIA3", solve_spheres,
-            Spheres("TRIA3", "ssnv104k", (-2868.94105333, -2888.31508848), 77), full=2, every=3, seconds=40.0),
+            "TRIA3", "ssnv104k", (-2868.94105333, -2888.31508848), 77, full=2, every=3, seconds=40.0),
         row(_NAME, "ssnv104l", "two spheres, TRIA6", solve_spheres,
-            Spheres("TRIA6", "ssnv104l", (-2910.23188455, -2912.21233959), 69), full=2, every=3, seconds=60.0),
+            "TRIA6", "ssnv104l", (-2910.23188455, -2912.21233959), 69, full=2, every=3, seconds=60.0),
     ),
 )  # fmt: skip
