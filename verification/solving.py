@@ -247,6 +247,16 @@ def entry(table: str, **keys: object) -> str:
     return "\n".join([head, *filter(None, [_keys(**keys)])])
 
 
+def material(young: float, poisson: float, **keys: object) -> str:
+    """The table of a material."""
+    return entry("material", young=young, poisson=poisson, **keys)
+
+
+def contact(slave: str = "slave", master: str = "master", **keys: object) -> str:
+    """The table of a contact."""
+    return entry("contact", slave=slave, master=master, **keys)
+
+
 def fixed(group: str, axes: str) -> str:
     """The table of a group whose displacement along some axes, such as "xy", is zero.
 

@@ -181,12 +181,11 @@ class Solver(Entry, header="[solver]"):
             "auto": "the best one installed, by the size of the model",
             "rslab": "direct",
             "pardiso": "direct",
-            "mumps": "direct, of both engines",
-            "cholmod": "direct",
             "superlu": "direct, slow",
             "multigrid": "iterative, for large models; of both engines",
             "gamg": "iterative: PETSc's own multigrid, of the engine petsc",
             "hypre": "iterative: multigrid of hypre, of the engine petsc",
+            "mumps": "direct, of the engine petsc",
         }), "", "the linear solver", "auto",
     )  # fmt: skip
     threads: int | None = key(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: the linear solvers of each engine, beside `auto`
 BACKENDS_OF = {
-    "serial": ("rslab", "pardiso", "mumps", "cholmod", "superlu", "multigrid"),
+    "serial": ("rslab", "pardiso", "superlu", "multigrid"),
     "petsc": ("multigrid", "gamg", "hypre", "mumps"),
 }
 

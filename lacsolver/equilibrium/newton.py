@@ -35,7 +35,6 @@ from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
-from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_set import OUT, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
@@ -96,7 +95,7 @@ def newton_iterates(
     Raises InadmissibleError if the start itself inverts cells.
     """
     there = linearize(start.q) if predictor is None else predictor
-    loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
+    loose = _LOOSE_OF_CONSTANT if constant else _LOOSE
     now, rows = _start(there, start, tolerance)
     sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
     wanders, vain = False, False
@@ -111,7 +110,7 @@ def newton_iterates(
         reduction = min(reduction, LOOSE_WITH_SPRINGS) if wanders else reduction
         goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
         first = predictor is not None and spent == 0 and bool(there.contact.sheared)
-        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
+        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first)
         worst = np.inf if damping or whole else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
         if step is None or then is None:
@@ -170,13 +169,11 @@ class _Step(NamedTuple):
 
 
 def _newton_step(
-    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool,
-    kept: KeptDirections | None,
+    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool
 ) -> _Step | None:  # fmt: skip
     """Return the step of a linear problem, whose row set is updated until it is consistent, in `limit` solves.
 
     p (m,): pressures of the geometric stiffness. `first`: True for the first step from a predictor, see `_let_go`.
-    `kept`: directions of the steps before.
     None if the tangent is singular, or the system cannot be solved.
     """
     contact = there.contact
@@ -190,7 +187,7 @@ def _newton_step(
             while True:
                 now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
                 before = step._replace(rows=now)
-                step = _solved(there, pivots.softened(contact), K, C, before, there.r, goal, kept)
+                step = _solved(there, pivots.softened(contact), K, C, before, there.r, goal)
                 if limit == 1 and not first:
                     return step
                 then, after = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
@@ -198,19 +195,19 @@ def _newton_step(
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held
-                    alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal, kept)
+                    alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal)
                     return alone._replace(p=alone.p + held, rows=wanted)
                 step = step.part(before, part)
                 if not pivots.springs and wanted.equals(step.rows):
                     return step
                 if step.solves >= limit and pivots.springs:
-                    return _solved(there, contact, K, C, step._replace(rows=wanted), there.r, goal, kept)
+                    return _solved(there, contact, K, C, step._replace(rows=wanted), there.r, goal)
                 if step.solves >= limit:
                     found = None if limit == 1 or not contact.sheared else _split(there, K, step, wanted)
                     if found is None:
                         return step
                     C = _total(there.geometric_stiffness(found[0]), there.change(K))
-                    return _solved(there, contact, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal, kept)
+                    return _solved(there, contact, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal)
                 following = pivots.next(step.rows, wanted, True, step.p, K.vectors.largest(step.dq))
                 if following is None:
                     return step
@@ -237,13 +234,13 @@ def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tu
 
 def _solved(
     there: Linearization, contact: ContactSystem, K: Operator, C: csr_array | None, before: _Step, r: Floats,
-    goal: LinearTolerance, kept: KeptDirections | None,
+    goal: LinearTolerance,
 ) -> _Step:  # fmt: skip
     """Return the step with the row set and from the pressures of one before, under the unbalanced forces r (n_q,)."""
     linear = contact.linear(before.rows, before.p)
     h = linear.load(r, contact.rows.B_T)
     problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
-    dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal, kept)
+    dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal)
     return _Step(dq, linear.full(p), before.rows, before.solves + 1, before.applications + more)
 
 

@@ -76,8 +76,6 @@ BACKENDS: Mapping[str, Backend] = MappingProxyType(
         for b in (
             Backend("pardiso", True, "", "pardiso", "Intel MKL: proprietary, free of charge, some 900 MB"),
             Backend("rslab", True, "rslab", "", "comes with lacmesh"),
-            Backend("mumps", True, "mumps", "mumps", "its wheels need numpy below 2"),
-            Backend("cholmod", True, "kvxopt", "cholmod", "SuiteSparse through kvxopt: GPL"),
             Backend("superlu", True, "scipy", "", "SciPy's, always there: for small models"),
             Backend("multigrid", False, "pyamg", "multigrid", "smoothed aggregation and conjugate gradients"),
         )

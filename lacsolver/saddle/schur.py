@@ -7,8 +7,7 @@ to 25 to round-off. With multigrid, where K^-1 is itself iterative, both are sol
 
 For bodies that only contact supports (`stiffness`), pressures are kept in balance with the load along each rigid-body
 mode (the coarse projection of FETI, Farhat and Roux), so that the springs that make K definite carry no force, and the
-rigid-body motions themselves follow from the gaps. Forces of the geometric stiffness are further unknowns. Systems that
-follow one another with one K start from the directions of those before (`kept_directions`).
+rigid-body motions themselves follow from the gaps. Forces of the geometric stiffness are further unknowns.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from lacsolver.linear.accuracy import backward_error
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.vectors import Vectors
 from lacsolver.saddle.coupled import solve_coupled
-from lacsolver.saddle.kept_directions import Direction, KeptDirections
 from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import ROUNDING, LinearTolerance, largest_of_rows
@@ -41,16 +39,11 @@ _BALANCED_ALONE = 1e-13
 _SLOW = 0.5
 
 
-def solve_saddle(
-    problem: SaddleProblem, q: Floats, p: Floats, tolerance: LinearTolerance, kept: KeptDirections | None = None
-) -> SaddleSolution:
-    """Solve a saddle-point problem from a start q (n,), p (m,), of which the pressures of active rows count.
-
-    `kept`: directions of the systems before, if K stays, and then those of this one as well.
-    """
+def solve_saddle(problem: SaddleProblem, q: Floats, p: Floats, tolerance: LinearTolerance) -> SaddleSolution:
+    """Solve a saddle-point problem from a start q (n,), p (m,), of which the pressures of active rows count."""
     if problem.K.iterative:
         return solve_coupled(problem, q, p, tolerance)
-    loop = _SchurLoop(problem, q, kept)
+    loop = _SchurLoop(problem, q)
     now = loop.balanced_near(q, p, np.zeros(len(loop.bent)))
     loose, applications = tolerance.reduction * _relative(now.r, loop.unit) * loop.unit, now.applications
     while applications < _MOST:
@@ -62,8 +55,6 @@ def solve_saddle(
         applications += count + then.applications
         before, left = (loop.vectors.norm(one.r / loop.unit) for one in (now, then))
         now = then if left < before else now
-        if left > before / _SLOW and loop.forget():
-            continue
         if not left < _SLOW * before:
             break
     return SaddleSolution(now.q, now.p, applications, _relative(now.r[: loop.n], loop.rows.w[loop.active]))
@@ -120,20 +111,16 @@ def _is_balanced(vectors: Vectors, scale: Floats, q: Floats, r: Floats, terms: F
 class _SchurLoop:
     """The Schur complement of one problem. Residuals are gaps of the active rows, then forces of the unknowns `bent`.
 
-    `bent`: the unknowns that the geometric stiffness acts on, and the directions of before. A direction of the Krylov
-    loop is a change of q, then one of the active pressures and of the forces of `bent`.
+    `bent`: the unknowns that the geometric stiffness acts on. A direction of the Krylov loop is a change of q, then one
+    of the active pressures and of the forces of `bent`.
     """
 
-    def __init__(self, problem: SaddleProblem, start: Floats, kept: KeptDirections | None = None) -> None:
+    def __init__(self, problem: SaddleProblem, start: Floats) -> None:
         K, rows, active, geometric = cast(Stiffness, problem.K), problem.rows, problem.active, problem.geometric
         self.problem, self.K, self.rows, self.active, self.start = problem, K, rows, active, start
         self.vectors, self.f = K.vectors, problem.f - problem.geometric_forces(start)
         self.S, self.G, self.n = problem.S, problem.G[active], len(active)
         self.bent: Ints = np.empty(0, np.int64) if geometric is None else np.flatnonzero(np.diff(geometric.indptr))
-        self.kept = None if geometric is None else kept
-        if self.kept is not None:
-            self.kept.begin(K)
-            self.bent = self.kept.unknowns(np.concatenate([self.bent, rows.touched]))
         self.C = csr_array((0, len(start))) if geometric is None else geometric[self.bent]
         self.preconditioner = SchurPreconditioner(problem)
         self.D = self.preconditioner.D
@@ -163,30 +150,8 @@ class _SchurLoop:
         z = self.preconditioner.pressures((r * self.unit)[: self.n])
         moment = self.QB.T @ z + self.K.R[self.bent].T @ s
         z = z - self.preconditioner.balancing(moment)
-        p = self.on_rows(z)
-        f = self.rows.B_T @ p + self.scattered(s)
-        y = self.K.solve(f)
-        if self.kept is not None:
-            self.kept.add(Direction(y, self.bent, f[self.bent], p))
+        y = self.K.solve(self.rows.B_T @ self.on_rows(z) + self.scattered(s))
         return np.concatenate([y, z, s])
-
-    def known(self) -> list[NDArray[np.floating]]:
-        """Return the directions of the systems before."""
-        out = []
-        for one in () if self.kept is None else self.kept.each:
-            p = one.p[self.active]
-            out.append(np.concatenate([one.y, p, one.beside(self.rows.B_T @ self.on_rows(p), self.bent)]))
-        return out
-
-    def forget(self) -> bool:
-        """Drop the directions of the systems before, which lead astray where they nearly depend on one another.
-
-        False if there are none.
-        """
-        if self.kept is None or not self.kept.each:
-            return False
-        self.kept.each = []
-        return True
 
     def on_rows(self, p: Floats) -> NDArray[np.floating]:
         """Return pressures of the active rows on all rows, (m,)."""
@@ -238,8 +203,8 @@ class _SchurLoop:
 
         The loop ends when the residual is at most `allowed`, or when it no longer falls.
         """
-        start, ends, known = self.project(now.r) / self.unit, allowed / self.unit, self.known()
-        x, _, count = minimise(self, start, lambda r: _relative(r, ends), limit, known=known, patience=_PATIENCE)
+        start, ends = self.project(now.r) / self.unit, allowed / self.unit
+        x, _, count = minimise(self, start, lambda r: _relative(r, ends), limit, patience=_PATIENCE)
         dq, dp, ds = np.split(x, [len(now.q), len(now.q) + self.n]) if len(x) else (0.0, 0.0, 0.0)
         p = now.p.copy()
         p[self.active] += dp

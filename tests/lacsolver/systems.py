@@ -220,10 +220,10 @@ def solve_newton(linearize, start, tolerance, **options):
     return search(newton_iterates(linearize, start, tolerance, **options), tolerance)
 
 
-def solve_rows(K, rows, active, f, G, q, p, tolerance, geometric=None, kept=None):
+def solve_rows(K, rows, active, f, G, q, p, tolerance, geometric=None):
     """Solve K q + B_A^T p + C (q - q_0) = f, D_A q = G_A from a start q_0, p."""
     f = f if geometric is None else f + geometric @ q
-    return solve_saddle(SaddleProblem(K, rows, np.asarray(active), f, G, None, geometric), q, p, tolerance, kept)
+    return solve_saddle(SaddleProblem(K, rows, np.asarray(active), f, G, None, geometric), q, p, tolerance)
 
 
 def complementarity(M, r):

@@ -154,8 +154,8 @@ def test_the_choice_of_a_backend(monkeypatch):
     with pytest.raises(RequestError, match="did you mean rslab"):
         choose("rslap", 10)
     monkeypatch.setattr(sys.modules[Backend.__module__], "find_spec", lambda name: None)
-    with pytest.raises(RequestError, match="mumps is not installed") as caught:
-        choose("mumps", 10)
+    with pytest.raises(RequestError, match="multigrid is not installed") as caught:
+        choose("multigrid", 10)
     assert caught.value.status == 2
 
 

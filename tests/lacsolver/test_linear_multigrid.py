@@ -14,7 +14,7 @@ from lacmesh.communicator import SERIAL
 from lacmesh.errors import RequestError
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear import SingularError, analyse
-from lacsolver.linear.multigrid.cycle import Blocks, Team
+from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
 from lacsolver.saddle.stiffness import FactorCache, embed
@@ -141,6 +141,22 @@ def test_many_bodies_of_two_nodes_each_take_no_dense_matrix():
     factor, b = multigrid(K, modes), rng.normal(size=K.shape[0])
     np.testing.assert_allclose(K @ factor.solve(b), b, atol=1e-10)
     assert factor.n_iterations <= 10 and factor.coarse() is not None
+
+
+@pytest.mark.parametrize("free", [0, 1, 3])
+@pytest.mark.parametrize(("nodes", "block"), [(1, 3), (2, 2), (2, 3), (3, 2), (8, 3)])
+def test_the_largest_eigenvalue_of_small_bodies_free_to_move(nodes, block, free):
+    """Steps of Lanczos run out of directions with energy, and what round-off leaves is none."""
+    n = nodes * block
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        still = np.linalg.qr(rng.normal(size=(n, min(free, n - 1))))[0]
+        moved = np.eye(n) - still @ still.T
+        half = moved @ rng.normal(size=(n, n))
+        K = bsr_array(csr_array(half @ half.T).tobsr((block, block)))
+        inverse, bound = jacobi(K, Team(1))
+        largest = np.linalg.eigvals(block_diag(inverse).toarray() @ K.toarray()).real.max()
+        assert 0.8 * largest <= bound <= 1.06 * largest
 
 
 def test_without_modes_translations_serve():

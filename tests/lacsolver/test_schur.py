@@ -19,7 +19,6 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
-from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
 from tests.lacsolver.moving import PLANE, SMALL, WALL, steps, thrown
@@ -41,11 +40,11 @@ for_kinds = pytest.mark.parametrize("kind", KINDS)
 UPRIGHT = Displacement(at=[0.0, 0.0, 2.0], ux=0.0, uy=0.0), Displacement(at=[1.0, 0.0, 2.0], uy=0.0)
 
 
-def solved(s, active, goal=EXACT, q0=None, p0=None, K=None, kept=None):
+def solved(s, active, goal=EXACT, q0=None, p0=None, K=None):
     n, m = len(s.K), len(s.B)
     q0, p0 = np.zeros(n) if q0 is None else q0, np.zeros(m) if p0 is None else p0
     turning = csr_array(s.C) if s.C.any() else None
-    return solve_rows(s.held if K is None else K, s.rows, np.asarray(active), s.f, s.G, q0, p0, goal, turning, kept)
+    return solve_rows(s.held if K is None else K, s.rows, np.asarray(active), s.f, s.G, q0, p0, goal, turning)
 
 
 def held_by_cycles(s):
@@ -93,31 +92,6 @@ def test_rows_that_say_the_same_carry_it_together():
     q, p = saddle(s, np.array([0, 2, 3, 4, 5]), np.zeros(30))
     np.testing.assert_allclose(made.q, q, atol=1e-9 * np.abs(q).max())
     assert made.p[0] + made.p[1] == pytest.approx(p[0], rel=1e-8)
-
-
-@pytest.mark.parametrize("free", [0, 2])
-def test_directions_of_the_system_before_save_applications(free):
-    """Rows, their set and the geometric stiffness have changed a little since: the solution is that without them."""
-    s, rng, kept = system(3, n=60, m=20, turning=0.1, same=False, free=free), np.random.default_rng(3), KeptDirections()
-    q0, few, K = rng.normal(size=60), np.setdiff1d(np.arange(20), [4, 11]), s.held
-    solved(s, np.arange(20), q0=q0, K=K, kept=kept)
-    B, D = (A if free else A * (1 + 1e-3 * rng.normal(size=A.shape)) for A in (s.B, s.D))
-    now, loose = s._replace(B=B, D=D, C=1.01 * s.C), LinearTolerance(1e-3, 1e-14, 1e-18, 0.0)
-    alone, sooner = solved(now, few, loose, q0, K=K), solved(now, few, loose, q0, K=K, kept=kept)
-    assert sooner.applications <= 0.5 * alone.applications
-    made, (q, p) = solved(now, few, q0=q0, K=K, kept=kept), saddle(now, few, q0)
-    np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
-    np.testing.assert_allclose(made.p, p, atol=1e-10 * np.abs(p).max())
-
-
-def test_directions_of_another_stiffness_are_dropped():
-    s, kept = system(3, turning=0.1, same=False), KeptDirections()
-    solved(s, np.arange(8), kept=kept)
-    first, stiffer = list(kept.each), s._replace(K=2 * s.K)
-    made = solved(stiffer, np.arange(8), kept=kept)
-    q, _ = saddle(stiffer, np.arange(8), np.zeros(30))
-    np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
-    assert first and not any(one is other for one in first for other in kept.each)
 
 
 def test_a_loose_goal_is_met_and_costs_less():

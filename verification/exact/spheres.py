@@ -46,10 +46,6 @@ class LikeSpheres:
         """Radius c of the part that sticks."""
         return float(self.half_width * np.cbrt(1 - abs(load)))
 
-    def pressure(self, r: Floats) -> Floats:
-        """Pressure (n,) at distances (n,) from the axis."""
-        return self.peak * _ellipse(r, self.half_width)
-
     def shear(self, r: Floats, load: float) -> Floats:
         """Shear stress (n,) along x on the lower body, at distances (n,) from the axis."""
         a, c = self.half_width, self.stick(load)

@@ -31,7 +31,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from itertools import product
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +56,10 @@ from verification.solving import (
     Solved,
     balanced,
     case_text,
-    entry,
+    contact,
     finished,
     fixed,
+    material,
     with_motions,
     with_true_gap,
 )
@@ -153,11 +155,9 @@ class Pin:
 
         def case(surface: str) -> lacsolver.Case:
             text = case_text(
-                "plane_strain",
-                entry("material", young=PIN.young, poisson=PIN.poisson),
-                entry("contact", slave="slave", master="master", clearance=PIN.clearance, surface=surface),
+                "plane_strain", material(PIN.young, PIN.poisson), contact(clearance=PIN.clearance, surface=surface),
                 fixed("y0", "y"),
-            )
+            )  # fmt: skip
             of_pin = dict.fromkeys(("inner", "x0_within"), lambda x, t: PIN.displacement(x[:, :2], "pin"))
             of_plate = dict.fromkeys(("outer", "x0_around"), lambda x, t: PIN.displacement(x[:, :2], "plate"))
             return with_motions(text, of_pin | of_plate)
@@ -393,29 +393,27 @@ def _cases() -> Iterator[Case]:
     slaves: tuple[Body, ...] = "within", "around"
     for name, like, cells, first in _FITS:
         full, every, seconds = (4, 5, 10.0) if like.fit.dim == 2 else (3, 0, 15.0)
-        for cell in cells:
-            for slave in slaves:
-                given = replace(like, fit=replace(like.fit, cell=cell, slave=slave))
-                what, quick = f"{name} of {cell} that fit, the slave {slave}", 3 * ((cell, slave) == (first, "within"))
-                levels = {"quick": quick, "full": full, "every": every}
-                yield row("curved", f"{name}-{cell}-{slave}", what, solve_case, given, **levels, seconds=seconds)
-    for cell in ("TRIA3", "QUAD4"):
-        for slave in slaves:
-            what, quick = f"a pin in a hole of {cell}, the slave {slave}", 3 * ((cell, slave) == ("TRIA3", "within"))
-            given = Pin(cell, slave)
-            yield row(
-                "curved", f"pin-{cell}-{slave}", what, solve_case, given, quick=quick, full=4, every=5, seconds=4.0
-            )
+        for cell, slave in product(cells, slaves):
+            given = replace(like, fit=replace(like.fit, cell=cell, slave=slave))
+            case, what = f"{name}-{cell}-{slave}", f"{name} of {cell} that fit, the slave {slave}"
+            quick = 3 * ((cell, slave) == (first, "within"))
+            yield _row(case, what, given, quick=quick, full=full, every=every, seconds=seconds)
+    for cell, slave in product(("TRIA3", "QUAD4"), slaves):
+        case, what = f"pin-{cell}-{slave}", f"a pin in a hole of {cell}, the slave {slave}"
+        quick = 3 * ((cell, slave) == ("TRIA3", "within"))
+        yield _row(case, what, Pin(cell, slave), quick=quick, full=4, every=5, seconds=4.0)
     for model, start, cells, sizes in _HALVES:
-        for cell in cells:
-            for called, socket in (("hertz", 0.0), ("socket", 4.0)):
-                given = Lifted(hertz.Given(model, cell, "pyramid", False, sizes, radius=1000.0), socket)
-                name, quick = f"{called}-{start}-{cell}", 3 * ((start, cell, called) == ("2d", "QUAD4", "socket"))
-                what = f"Hertz on skins of {cell} that are curved, {start}{', in a socket' if socket else ''}"
-                full = len(sizes)
-                yield row("curved", name, what, solve_case, given, quick=quick, full=full, seconds=10.0)
+        for cell, (called, socket) in product(cells, (("hertz", 0.0), ("socket", 4.0))):
+            lifted = Lifted(hertz.Given(model, cell, "pyramid", False, sizes, radius=1000.0), socket)
+            case, quick = f"{called}-{start}-{cell}", 3 * ((start, cell, called) == ("2d", "QUAD4", "socket"))
+            what = f"Hertz on skins of {cell} that are curved, {start}{', in a socket' if socket else ''}"
+            yield _row(case, what, lifted, quick=quick, full=len(sizes), seconds=10.0)
     what = "a pin in the eye of a lug from CAD, TETRA4"
     yield row("curved", "lug", what, curved_lug.solve_case, full=2, seconds=90.0)
+
+
+def _row(name: str, what: str, given: Fitted | Pin | Lifted, **levels: Any) -> Case:
+    return row("curved", name, what, solve_case, given, **levels)
 
 
 FAMILY = Family("curved", "Curved skins on linear cells", f"{__doc__}\n{curved_lug.__doc__}", tuple(_cases()))

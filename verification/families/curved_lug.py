@@ -19,7 +19,7 @@ import lacmesh
 import lacsolver
 from lacsolver.problem.problem import Problem
 from verification.records import Result, at_most, equal, problem
-from verification.solving import Solved, balanced, case_text, entry, finished, fixed, with_true_gap
+from verification.solving import Solved, balanced, case_text, contact, entry, finished, fixed, material, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -89,15 +89,11 @@ def meshed(size: float, order: int) -> lacmesh.Mesh:
 def solved(mesh: lacmesh.Mesh, gap: str, macro: str = "cut") -> Solved:
     """Solve with the gap between `faces`, between `smooth` surfaces, or between the cylinders themselves (`true`)."""
     text = case_text(
-        "3d",
-        entry("material", young=210e3, poisson=0.3),
-        entry("contact", slave="bore", master="pin", macro=macro, surface="smooth" if gap == "smooth" else "faces"),
-        fixed("bolt", "xyz"),
-        fixed("symmetry", "x"),
-        entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
-        entry("traction", group="ends", tz=-300.0),
-        entry("steps", count=2),
-    )
+        "3d", material(210e3, 0.3),
+        contact("bore", "pin", macro=macro, surface="smooth" if gap == "smooth" else "faces"), fixed("bolt", "xyz"),
+        fixed("symmetry", "x"), entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
+        entry("traction", group="ends", tz=-300.0), entry("steps", count=2),
+    )  # fmt: skip
     problem = Problem.of(lacsolver.parse_case(text), mesh)
     return finished(with_true_gap(problem, _between_cylinders) if gap == "true" else problem)
 

@@ -36,7 +36,7 @@ from verification.meshes.friction import seated
 from verification.meshes.half_spaces import piece
 from verification.meshes.stacks import stack
 from verification.records import Case, Result, at_most, equal, problem, row
-from verification.solving import balanced, case_text, entry, fixed, model_of, solve, with_motions
+from verification.solving import balanced, case_text, contact, entry, fixed, material, model_of, solve, with_motions
 
 Floats = NDArray[np.floating]
 
@@ -59,14 +59,10 @@ def case_of(
 ) -> lacsolver.Case:
     """The case: STEPS steps, the top moved in each by a random rigid motion."""
     text = case_text(
-        model_of(dim),
-        entry("material", groups=["lower"], young=stress, poisson=0.3),
-        entry("material", groups=["upper"], young=3 * stress, poisson=0.2),
-        entry("contact", slave="slave", master="master", friction=friction),
-        fixed("bottom", "xyz"[:dim]),
-        entry("steps", times=[float(k + 1) for k in range(STEPS)], max_halvings=0),
-        entry("solver", max_iterations=100),
-    )
+        model_of(dim), material(stress, 0.3, groups=["lower"]), material(3 * stress, 0.2, groups=["upper"]),
+        contact(friction=friction), fixed("bottom", "xyz"[:dim]),
+        entry("steps", times=[float(k + 1) for k in range(STEPS)], max_halvings=0), entry("solver", max_iterations=100),
+    )  # fmt: skip
     shift, turn = motions(dim, friction, severity, seed)
 
     def moved(x: Floats, t: float) -> Floats:
@@ -155,17 +151,15 @@ def solve_bank(cells: tuple[str, ...], dim: int, *, levels: int) -> Iterator[Res
     """So many problems on blocks of each of some cells, for every mu and severity."""
     every = product([mesh_of(cell, dim) for cell in cells], FRICTION, SEVERITY, range(levels))
     runs = [run(*each) for each in every]
-    lost, mean = sum(own.lost for own in runs), np.mean([s.iterations for own in runs for s in own.states])
+    lost, each = sum(own.lost for own in runs), [state.iterations for own in runs for state in own.states]
     yield at_most(f"steps that are not solved at once, of {STEPS * len(runs)}", lost, 0, source=_SOURCE[dim])
-    yield at_most("iterations of a step, mean", mean, ITERATIONS[dim], source=_SOURCE[dim])
+    yield at_most("iterations of a step, mean", float(np.mean(each)), ITERATIONS[dim], source=_SOURCE[dim])
     off, source = max(r for own in runs for r in own.residual), "matrices condensed by other means"
     yield at_most("largest violation of the conditions, of the largest pressure", off, SAME, source=source)
     if dim == 2:
         apart = max(a for own in runs for a in own.apart)
-        yield at_most(
-            "largest difference from Lemke's method and Tresca's fixed point", apart, SAME,
-            source="Klarbring 1986; Haslinger 1980", reason="in parts of the largest pressure",
-        )  # fmt: skip
+        yield at_most("largest difference from Lemke's method and Tresca's fixed point", apart, SAME,
+                      source="Klarbring 1986; Haslinger 1980", reason="in parts of the largest pressure")  # fmt: skip
 
 
 @problem
@@ -214,16 +208,12 @@ def lid_text(kind: str, friction: float, push: float, poisson: float) -> str:
     kinematics, geometry = KINDS[kind]
     law = {"law": "neo_hookean"} if kinematics == "finite" else {}
     return case_text(
-        "plane_strain",
-        entry("material", young=1000.0, poisson=poisson, **law),
-        entry("contact", name="joint", slave="skin", master="under", friction=friction, geometry=geometry),
-        entry("tie", name="tie", slave="head", master="under"),
-        fixed("foot", "xy"),
-        fixed("base", "xy"),
-        entry("force", group="top", fx=push, fy=-4.0, total=True),
-        entry("steps", count=2, max_halvings=0),
+        "plane_strain", material(1000.0, poisson, **law),
+        contact("skin", "under", name="joint", friction=friction, geometry=geometry),
+        entry("tie", name="tie", slave="head", master="under"), fixed("foot", "xy"), fixed("base", "xy"),
+        entry("force", group="top", fx=push, fy=-4.0, total=True), entry("steps", count=2, max_halvings=0),
         kinematics=kinematics,
-    )
+    )  # fmt: skip
 
 
 @problem
@@ -248,10 +238,9 @@ def solve_known_lids(push: float) -> Iterator[Result]:
         assert zone.friction is not None
         forces = zone.pressure @ zone.area, zone.friction.shear[:, 0] @ zone.area
         for name, value, right in zip(("pressure", "friction"), forces, (normal, shear), strict=True):
-            yield equal(
-                f"force of {name}, coefficient {friction}", float(value), right, 1e-8 * right,
-                source="projected Gauss-Seidel on the same matrices", reason="digits of the reference",
-            )  # fmt: skip
+            yield equal(f"force of {name}, coefficient {friction}", float(value), right, 1e-8 * right,
+                        source="projected Gauss-Seidel on the same matrices",
+                        reason="digits of the reference")  # fmt: skip
 
 
 # ---- seats
@@ -276,26 +265,19 @@ def solve_seats(kind: str, *, levels: int) -> Iterator[Result]:
     for friction, slave, geometry in _ROLES[:levels]:
         master = {"round": "flank", "flank": "round"}[slave]
         text = case_text(
-            model,
-            entry("material", young=210e3, poisson=0.3),
-            entry("contact", slave=slave, master=master, friction=friction, geometry=geometry),
-            fixed("base", "xy"),
-            fixed("axis", "x"),
+            model, material(210e3, 0.3), contact(slave, master, friction=friction, geometry=geometry),
+            fixed("base", "xy"), fixed("axis", "x"),
             entry("body_force", groups=["ball"], fy=float(-1 / (1 - (_HOLE / _RADIUS) ** power))),
             entry("steps", count=4, max_halvings=0),
-        )
+        )  # fmt: skip
         one = solve(text, seated("QUAD4", 26, _RADIUS, _HOLE))
         zone, ratio = one.zone, (1 - friction) / (1 + friction)
         across, along = np.abs(zone.area @ (zone.pressure[:, None] * zone.normal + one.shear))
         name, source = f"mu {friction}, {slave} the slave, {geometry}", "balance on flanks of 45 degrees"
-        yield equal(
-            f"force across over that along, {name}", float(across / along), ratio, 1e-3 * ratio, source=source,
-            reason="flanks that give way turn a little",
-        )  # fmt: skip
-        yield equal(
-            f"force across, {name}", float(across), weight * ratio, 0.005 * weight * ratio, source=source,
-            reason="13 chords to a right angle",
-        )  # fmt: skip
+        yield equal(f"force across over that along, {name}", float(across / along), ratio, 1e-3 * ratio, source=source,
+                    reason="flanks that give way turn a little")  # fmt: skip
+        yield equal(f"force across, {name}", float(across), weight * ratio, 0.005 * weight * ratio, source=source,
+                    reason="13 chords to a right angle")  # fmt: skip
         solutions.append(one)
     yield from balanced(solutions)
 

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +34,10 @@ from verification.measures.rates import fitted
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, moved, stack, tilt
 from verification.records import Case, Result, at_most, levels_of, problem, row
-from verification.solving import balanced, case_text, entry, model_of, solve
+from verification.solving import balanced, case_text, contact, entry, material, model_of, solve
 
 Floats = NDArray[np.floating]
-Keys = tuple[tuple[str, object], ...]
+Keys = tuple[tuple[str, Any], ...]
 
 YOUNG, POISSON, PRESSURE, FRICTION = 1e3, 0.3, 1.0, 0.3
 #: shear stress of the blocks that stick; slip of those that slide
@@ -107,14 +108,11 @@ class Sheared:
             return entry("traction", group=f"{axes[k]}{end}", **{f"t{a}": float(pull[n]) for n, a in enumerate(axes)})
 
         return case_text(
-            model_of(d),
-            entry("solver", threads=1, tolerance=SLIDING_TOLERANCE if self.slides else None),
-            entry("material", young=YOUNG, poisson=POISSON),
-            entry("contact", slave="slave", master="master", **dict(self.keys)),
-            ends("bottom", np.zeros(3)),
+            model_of(d), entry("solver", threads=1, tolerance=SLIDING_TOLERANCE if self.slides else None),
+            material(YOUNG, POISSON), contact(**dict(self.keys)), ends("bottom", np.zeros(3)),
             ends("top", SLIP * self.along if self.slides else np.zeros(3)),
             *(side(k, end) for k in range(d - 1) for end in "01"),
-        )
+        )  # fmt: skip
 
 
 @problem
@@ -244,6 +242,19 @@ def _patches() -> Iterator[tuple[str, Sheared, float, bool]]:
             yield f"patch-{dim}d-{name}", Sheared(few, dim, True, solid, keys=keys), 4.0, False
 
 
+def _skins() -> Iterator[tuple[str, str, Skin, float, bool]]:
+    """Name, description, skin, rise, and whether the quick suite has it."""
+    for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
+        for kind in kinds:
+            name, what = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-"), f"{kind}: beta of p, t and both"
+            yield name, what, Skin(kind, dim), 0.0, kind in ("TRIA3", "TETRA4")
+    for slave, master, dim in (("TRIA3", "QUAD4", 2), ("HEXA8", "TETRA4", 3)):
+        yield f"{slave}-on-{master}", f"{slave} on a block of {master}", Skin(slave, dim, master=master), 0.0, False
+    for kind in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "TETRA4", "HEXA8", "HEXA20"):
+        skin = Skin(kind, 2 if kind in PLANE_KINDS else 3, master=kind)
+        yield f"curved-{kind}", f"{kind}: both skins are curved, and do not match", skin, CURVED, kind == "QUAD4"
+
+
 def cases(family: str) -> Iterator[Case]:
     """Patch tests, balance, inf-sup constants: every kind of cell, and a few on another block, on curved skins too."""
     for name, given, seconds, quick in _patches():
@@ -254,25 +265,9 @@ def cases(family: str) -> Iterator[Case]:
         (touch,) = case.solve.args
         if touch.joint == "contact" and dict(touch.keys).get("type") != "bilateral":
             rubbed = replace(touch, keys=(*touch.keys, ("friction", FRICTION)))
-            name, what, quick = (
-                f"balance-{case.name}",
-                f"{case.description}, with friction",
-                case.name in _QUICK_BALANCE,
-            )
+            name, what = f"balance-{case.name}", f"{case.description}, with friction"
+            quick = case.name in _QUICK_BALANCE
             yield row(family, name, what, balance.run, rubbed, quick=int(quick), full=1, seconds=case.seconds)
-    for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
-        for kind in kinds:
-            name = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-")
-            what, quick = f"{kind}: beta of p, t and both", 3 * (kind in ("TRIA3", "TETRA4"))
-            full = 4 if dim == 2 else 3
-            yield row(
-                family, f"inf-sup-{name}", what, solve_constants, Skin(kind, dim), quick=quick, full=full, seconds=4.0
-            )
-    for slave, master, dim in (("TRIA3", "QUAD4", 2), ("HEXA8", "TETRA4", 3)):
-        given, what = Skin(slave, dim, master=master), f"{slave} on a block of {master}"
-        yield row(family, f"inf-sup-{slave}-on-{master}", what, solve_constants, given, full=3, seconds=4.0)
-    for kind in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "TETRA4", "HEXA8", "HEXA20"):
-        dim = 2 if kind in PLANE_KINDS else 3
-        given, what = Skin(kind, dim, master=kind), f"{kind}: both skins are curved, and do not match"
-        quick, full = 3 * (kind == "QUAD4"), 4 if dim == 2 else 3
-        yield row(family, f"inf-sup-curved-{kind}", what, solve_constants, given, CURVED, quick=quick, full=full)
+    for name, what, skin, rise, quick in _skins():
+        few, full = 3 * int(quick), 4 if skin.dim == 2 and "-on-" not in name else 3
+        yield row(family, f"inf-sup-{name}", what, solve_constants, skin, rise, quick=few, full=full, seconds=4.0)

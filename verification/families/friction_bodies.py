@@ -33,9 +33,11 @@ from verification.solving import (
     Solved,
     balanced,
     case_text,
+    contact,
     convergence,
     entry,
     fixed,
+    material,
     solve,
     with_motions,
 )
@@ -51,13 +53,10 @@ def solve_incline(cell: str, part: float) -> Iterator[Result]:
     friction, weight, spring = 0.3, 2.0, 1e-4
     slope = np.arctan(part * friction)
     text = case_text(
-        "plane_strain",
-        entry("material", young=1e4, poisson=0.3),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("rigid", group="master"),
+        "plane_strain", material(1e4, 0.3), contact(friction=friction), entry("rigid", group="master"),
         entry("spring", group="right", kx=spring),
         entry("body_force", fx=float(weight / 0.2 * np.sin(slope)), fy=float(-weight / 0.2 * np.cos(slope))),
-    )
+    )  # fmt: skip
     one = solve(text, meshes.pad(cell, 16))
     zone, pull = one.zone, weight * np.sin(slope)
     N, T = float(zone.pressure @ zone.area), float(one.shear[:, 0] @ zone.area)
@@ -110,10 +109,9 @@ def solve_fit(way: Literal["pulled", "turned"], part: float, exact: SlidingFit) 
     shells = (("within", exact.fit.within), ("around", exact.fit.around))
     text = case_text(
         "axisymmetric" if pulled else "plane_strain",
-        *(entry("material", groups=[name], young=shell.young, poisson=shell.poisson) for name, shell in shells),
-        entry("contact", slave="slave", master="master", friction=exact.friction, clearance=-exact.fit.interference),
-        entry("steps", times=[1.0, 2.0]),
-    )
+        *(material(shell.young, shell.poisson, groups=[name]) for name, shell in shells),
+        contact(friction=exact.friction, clearance=-exact.fit.interference), entry("steps", times=[1.0, 2.0]),
+    )  # fmt: skip
     mesh = (meshes.pulled_fit if pulled else meshes.turned_fit)("QUAD8", 16)
     one = solve(with_motions(text, {"far_within": motion("within"), "far_around": motion("around")}), mesh)
     zone = one.zone
@@ -146,11 +144,9 @@ def solve_belt(degrees: float) -> Iterator[Result]:
     solutions = [_belt(angle, friction, h) for h in (thick, thin)]
     first, last = (np.log(ratio) / (friction * angle) for _, ratio in solutions)
     extrapolated = last + (last - first) * thin / (thick - thin)
-    yield equal(
-        "T2 / T1, extrapolated to no thickness, over e^(mu theta)",
-        float(np.exp(friction * angle * extrapolated)) / capstan(friction, angle), 1.0, 0.005, source="Euler",
-        reason="what extrapolation from two thicknesses leaves",
-    )  # fmt: skip
+    yield equal("T2 / T1, extrapolated to no thickness, over e^(mu theta)",
+                float(np.exp(friction * angle * extrapolated)) / capstan(friction, angle), 1.0, 0.005, source="Euler",
+                reason="what extrapolation from two thicknesses leaves")  # fmt: skip
     most, source = max(one.iterations for one, _ in solutions), "design: the first solve tells that all slides"
     yield at_most("iterations", most, 6, source=source)
     yield from balanced([one for one, _ in solutions])
@@ -162,12 +158,9 @@ def _belt(angle: float, friction: float, h: float) -> tuple[Solved, float]:
     most = tension * capstan(friction, angle) / (young * h) * angle
     along = np.array([-np.sin(angle), np.cos(angle)])
     text = case_text(
-        "plane_stress",
-        entry("material", young=young, poisson=0.0),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("rigid", group="master"),
+        "plane_stress", material(young, 0.0), contact(friction=friction), entry("rigid", group="master"),
         entry("traction", group="first", ty=-tension / h),
-    )
+    )  # fmt: skip
     turned = {"last": lambda x, t: t * np.linalg.norm(x[:, :2], axis=1)[:, None] * along * 2 * most}
     one = solve(with_motions(text, turned), meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3)))
     return one, float(one.state.reaction.reshape(-1, 2)[nodes_of(one.mesh, "last")].sum(axis=0) @ along / tension)
@@ -178,16 +171,12 @@ def solve_laid_belt(kinematics: str, n: int) -> Iterator[Result]:
     """A belt on a quarter of a drum, n cells along it: tightened by a dead load in ten steps, pulled in ten more."""
     law = {"law": "saint_venant_kirchhoff"} if kinematics == "finite" else {}
     text = case_text(
-        "plane_strain",
-        entry("material", groups=["belt"], young=1e4, poisson=0.0, **law),
-        entry("material", groups=["drum"], young=1e6, poisson=0.0, **law),
-        entry("contact", slave="slave", master="master", friction=0.3, geometry="current"),
-        entry("rigid", group="drum"),
+        "plane_strain", material(1e4, 0.0, groups=["belt"], **law), material(1e6, 0.0, groups=["drum"], **law),
+        contact(friction=0.3, geometry="current"), entry("rigid", group="drum"),
         entry("displacement", group="last", ux=[[0.0, 0.0], [1.0, -0.002], [2.0, -0.05]]),
         entry("traction", group="first", ty=[[0.0, 0.0], [1.0, -10.0], [2.0, -10.0]]),
-        entry("steps", end=2.0, count=20, max_halvings=0),
-        kinematics=kinematics,
-    )
+        entry("steps", end=2.0, count=20, max_halvings=0), kinematics=kinematics,
+    )  # fmt: skip
     one = solve(text, meshes.laid_belt(n))
     pull = -one.state.reaction.reshape(-1, 2)[nodes_of(one.mesh, "last"), 0].sum()
     exact = capstan(0.3, np.pi / 2)
@@ -202,10 +191,8 @@ def solve_laid_belt(kinematics: str, n: int) -> Iterator[Result]:
 def solve_crack(cell: str, exact: Crack, *, levels: int) -> Iterator[Result]:
     """A closed crack in a plane of cells of a type, 4, 8, 16, 32 to its half."""
     solutions = [crack_solution(cell, exact, 4 << level) for level in range(levels)]
-    yield rate(
-        "slip, L2", convergence(solutions, "slip"), 0.85, source="square-root tips",
-        reason="of open macro-elements at the tips too, of which linear triangles have one to three",
-    )  # fmt: skip
+    reason = "of open macro-elements at the tips too, of which linear triangles have one to three"
+    yield rate("slip, L2", convergence(solutions, "slip"), 0.85, source="square-root tips", reason=reason)
     for name in ("p", "t") if cell == "QUAD8" else ():  # at the tips linear cells are off by 36 %
         off = max(one.errors[name] for one in solutions)
         yield at_most(f"largest relative error of {name}_m", off, 1e-10, source="uniform")
@@ -215,10 +202,8 @@ def solve_crack(cell: str, exact: Crack, *, levels: int) -> Iterator[Result]:
 def crack_solution(cell: str, exact: Crack, n: int) -> LevelSolution:
     """Solve with n cells to the half of the crack; relative errors of slip, p_m and t_m."""
     text = case_text(
-        "plane_strain",
-        entry("material", young=exact.young, poisson=exact.poisson),
-        entry("contact", slave="slave", master="master", friction=exact.friction),
-    )
+        "plane_strain", material(exact.young, exact.poisson), contact(friction=exact.friction),
+    )  # fmt: skip
     one = solve(with_motions(text, {"far": lambda x, t: exact.displacement(x[:, :2])}), meshes.cracked(cell, n))
     slip = pressure_errors(one.mesh, one.passed[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
     errors = {
@@ -248,22 +233,17 @@ def solve_punch(nu: float, friction: float) -> Iterator[Result]:
     below = HalfPlane(-1, 1.0, nu)
     still = below.under_forces(np.array([[0.0, -meshes.REACH]]), place, force)
     text = case_text(
-        "plane_strain",
-        entry("material", young=1.0, poisson=nu),
-        entry("contact", slave="slave", master="master", friction=friction),
-        fixed("axis", "x"),
+        "plane_strain", material(1.0, nu), contact(friction=friction), fixed("axis", "x"),
         entry("rigid", group="master", fy=-0.5),
-    )
+    )  # fmt: skip
     far = {"far": lambda x, t: below.under_forces(x[:, :2], place, force) - still}
     one = solve(with_motions(text, far), meshes.punched_half("QUAD8", n))
     zone = one.zone
     on = zone.status == 1
     left = 1 - np.abs(one.shear[on, 0]) / (friction * zone.pressure[on])
     stick_edge = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
-    yield equal(
-        "edge of stick over the half-width", stick_edge, edge, 0.03 * edge, source="Spence's integral equations",
-        reason="3 %: elements of 1/64 of the half-width",
-    )  # fmt: skip
+    yield equal("edge of stick over the half-width", stick_edge, edge, 0.03 * edge,
+                source="Spence's integral equations", reason="3 %: elements of 1/64 of the half-width")  # fmt: skip
     yield from balanced([one])
 
 

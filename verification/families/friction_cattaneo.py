@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,11 @@ from verification.solving import (
     Solved,
     balanced,
     case_text,
+    contact,
     convergence,
     entry,
     fixed,
+    material,
     solve,
     with_motions,
 )
@@ -63,17 +66,13 @@ _SOURCE = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2"
 
 
 def case_of(
-    contact: Mapping[str, object], bodies: tuple[float, float], motions: Mapping[str, Motion],
+    keys: Mapping[str, Any], bodies: tuple[float, float], motions: Mapping[str, Motion],
     times: tuple[float, ...], *more: str, model: str = "plane_strain",
 ) -> lacsolver.Case:  # fmt: skip
-    """A case of two half-spaces with Young's modulus and Poisson's ratio, whose groups far_... move by functions."""
+    """A case of two half-spaces in contact (its `keys`), of Young's modulus and Poisson's ratio; far_... are moved."""
     text = case_text(
-        model,
-        entry("material", young=bodies[0], poisson=bodies[1]),
-        entry("contact", slave="slave", master="master", **contact),
-        entry("steps", times=list(times)),
-        *more,
-    )
+        model, material(bodies[0], bodies[1]), contact(**keys), entry("steps", times=list(times)), *more,
+    )  # fmt: skip
     return with_motions(text, {f"far_{body}": motion for body, motion in motions.items()})
 
 
@@ -123,9 +122,9 @@ def solved(given: PressedCylinders, k: int, friction: float | None = None) -> So
     """Solve with about k macro-elements to the half-width; `friction`: that of the exact solution by default."""
     exact = given.exact
     coefficient = exact.friction if friction is None else friction
-    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
+    keys = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
     motions = {"upper": given.motion(1), "lower": given.motion(-1)}
-    case = case_of(contact, (exact.young, exact.poisson), motions, given.times)
+    case = case_of(keys, (exact.young, exact.poisson), motions, given.times)
     return solve(case, half_planes(given.cell, k, FRACTION))
 
 
@@ -154,10 +153,8 @@ def solve_level(given: PressedCylinders, level: int) -> LevelSolution:
 def solve_pressed(given: PressedCylinders, *, levels: int) -> Iterator[Result]:
     """Cylinders on so many levels."""
     solutions = [solve_level(given, level) for level in range(levels)]
-    yield rate(
-        "t_m, L2", convergence(solutions, "t_m"), 0.8, source=_SOURCE,
-        reason="two square-root edges and a kink: constants come to 0.85",
-    )  # fmt: skip
+    yield rate("t_m, L2", convergence(solutions, "t_m"), 0.8, source=_SOURCE,
+               reason="two square-root edges and a kink: constants come to 0.85")  # fmt: skip
     finest, at_32 = solutions[-1].errors, solutions[min(2, levels - 1)].errors
     name, source = "error of t_m over that of the best constants, finest level", "measured on a prototype: 1.09 to 1.45"
     yield at_most(name, finest["t_m"] / finest["best"], BEST[given.cell], source=f"{source}, TRIA3 1.9")
@@ -200,9 +197,9 @@ def solved_balls(cell: str, k: int, friction: float | None, times: tuple[float, 
     aside, deep, even = edge_lines(k, FRACTION), depth_lines(k), np.linspace(0, REACH, 3 * k // 2 + 1)
     upper = piece(cell, [np.concatenate([-aside[:0:-1], aside]), aside, deep])
     lower = piece(cell, [np.concatenate([-even[:0:-1], even]), even, -deep[::-1]])
-    contact = {"clearance": f"(x**2 + y**2) / {2 * SPHERES.radius!r}", "friction": friction}
+    keys = {"clearance": f"(x**2 + y**2) / {2 * SPHERES.radius!r}", "friction": friction}
     motions = {"upper": _motion_of_ball(1), "lower": _motion_of_ball(-1)}
-    case = case_of(contact, (SPHERES.young, 0.0), motions, times, fixed("axis_y", "y"), model="3d")
+    case = case_of(keys, (SPHERES.young, 0.0), motions, times, fixed("axis_y", "y"), model="3d")
     return solve(case, facing(upper, lower, y0="axis_y"))
 
 
@@ -284,14 +281,10 @@ def solve_rolling(cell: str) -> Iterator[Result]:
     total = float((one.shear[:, 0] * zone.area).sum() / (exact.friction * exact.force))
     slides = (np.abs(one.slip[:, 0]) > 0.02 * creep * way / n) & (zone.pressure > 0)
     edge = float((zone.centre[:, 0] - way)[slides].max() + 0.5 / k)
-    yield equal(
-        "creep over that of the tangential force it gives", creep / exact.creep(total), 1.0, 0.03,
-        source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{k} of the half-width",
-    )  # fmt: skip
-    yield equal(
-        "where stick begins, from the middle", edge, 1 - 2 * exact.stick(load), 2 / k, source="Carter 1926",
-        reason="two macro-elements",
-    )  # fmt: skip
+    yield equal("creep over that of the tangential force it gives", creep / exact.creep(total), 1.0, 0.03,
+                source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{k} of the half-width")  # fmt: skip
+    yield equal("where stick begins, from the middle", edge, 1 - 2 * exact.stick(load), 2 / k, source="Carter 1926",
+                reason="two macro-elements")  # fmt: skip
     yield from balanced([one])
 
 
@@ -357,12 +350,12 @@ def cases(family: str) -> Iterator[Case]:
     for cell, counts in (("HEXA8", (4, 6, 8)), ("HEXA20", (4, 6))):
         what = f"spheres with nu = 0, {cell}"
         yield row(family, f"spheres-{cell}", what, solve_balls, cell, counts, full=len(counts), seconds=120.0)
-    for cell, dim, counts in (
+    costs: tuple[tuple[str, int, tuple[int, ...]], ...] = (
         *((cell, 2, (16, 32)) for cell in ("TRIA3", "QUAD4", "QUAD8")),
         ("TETRA4", 3, (4,)),
         ("HEXA8", 3, (4, 6)),
-    ):
-        what = f"applications of K^-1 with friction and without, {cell}"
-        quick, seconds = (1, 10.0) if dim == 2 else (0, 60.0)
-        levels = {"quick": quick, "full": len(counts), "seconds": seconds}
-        yield row(family, f"cost-{cell}", what, solve_cost, cell, dim, counts, **levels)
+    )
+    for cell, dim, sizes in costs:
+        what, quick = f"applications of K^-1 with friction and without, {cell}", int(dim == 2)
+        full, seconds = len(sizes), 10.0 if dim == 2 else 60.0
+        yield row(family, f"cost-{cell}", what, solve_cost, cell, dim, sizes, quick=quick, full=full, seconds=seconds)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -32,23 +33,19 @@ from verification.meshes.blocks import nodes_of
 from verification.meshes.sliding import in_groove, ironing_2d, on_table
 from verification.meshes.stacks import stack
 from verification.records import Case, Result, at_least, at_most, equal, problem, row
-from verification.solving import Solved, balanced, case_text, entry, fixed, model_of, solve, times
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve, times
 
 #: iterations of a step, mean; of what slides, relative to mu p; of what should come back
 ITERATIONS, ROUNDING, DRIFT = 8.0, 1e-10, 1e-12
 _STICKS, _ENERGY = "it only sticks", "no energy is created"
 
 
-def finite(mesh: Mesh, *tables: str, model: str = "plane_strain", steps: list[float], **contact: float) -> Solved:
-    """Solve bodies of a neo-Hookean material in contact, with finite kinematics."""
+def finite(mesh: Mesh, *tables: str, model: str = "plane_strain", steps: list[float], **keys: Any) -> Solved:
+    """Solve bodies of a neo-Hookean material in contact (its `keys`), with finite kinematics."""
     text = case_text(
-        model,
-        entry("material", law="neo_hookean", young=1000.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", **contact),
-        *tables,
-        entry("steps", times=steps),
+        model, material(1000.0, 0.3, law="neo_hookean"), contact(**keys), *tables, entry("steps", times=steps),
         kinematics="finite",
-    )
+    )  # fmt: skip
     return solve(text, mesh)
 
 
@@ -121,14 +118,10 @@ def solve_wheel(cell: str) -> Iterator[Result]:
     way, friction = 0.6, 0.3
     path = {"ux": [[0.0, 0.0], [1.0, 0.0], [2.0, way]], "uy": [[0.0, 0.0], [1.0, -0.01], [2.0, -0.01]]}
     text = case_text(
-        "plane_strain",
-        entry("material", law="neo_hookean", young=1.0, poisson=0.45),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("rigid", group="master"),
-        entry("rigid", group="hub", centre=[0.0, 0.0], moment=0.0, **path),
-        entry("steps", times=times(1, 15)),
-        kinematics="finite",
-    )
+        "plane_strain", material(1.0, 0.45, law="neo_hookean"), contact(friction=friction),
+        entry("rigid", group="master"), entry("rigid", group="hub", centre=[0.0, 0.0], moment=0.0, **path),
+        entry("steps", times=times(1, 15)), kinematics="finite",
+    )  # fmt: skip
     one = solve(text, meshes.wheel(cell, 60))
     zone, hub = one.zone, nodes_of(one.mesh, "hub")
     spoke = one.mesh.points[hub[-1], :2] - one.mesh.points[hub[0], :2]
@@ -145,15 +138,12 @@ def solve_wheel(cell: str) -> Iterator[Result]:
 def solve_ledger(steps: int = 96, part: float = 0.01) -> Iterator[Result]:
     """A half-cylinder that is pressed into a block of rubber and dragged over it, in so many steps."""
     text = case_text(
-        "plane_strain",
-        entry("material", groups=["block"], law="neo_hookean", young=10.0, poisson=0.4),
-        entry("material", groups=["die"], law="neo_hookean", young=500.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", friction=0.3, normals="smoothed"),
+        "plane_strain", material(10.0, 0.4, groups=["block"], law="neo_hookean"),
+        material(500.0, 0.3, groups=["die"], law="neo_hookean"), contact(friction=0.3, normals="smoothed"),
         fixed("bottom", "xy"),
         entry("displacement", group="top", ux=[[1.0, 0.0], [4.0, 4.5]], uy=[[0.0, 0.0], [1.0, -0.65]]),
-        entry("steps", end=4.0, count=steps),
-        kinematics="finite",
-    )
+        entry("steps", end=4.0, count=steps), kinematics="finite",
+    )  # fmt: skip
     one = solve(text, ironing_2d())
     work = one.state.step.work
     if work is None:
@@ -177,14 +167,11 @@ def solve_on_table(friction: float, n: int = 20, radius: float = 0.0) -> Iterato
     `radius`: of its lower edges, 0 for sharp ones.
     """
     text = case_text(
-        "plane_strain",
-        entry("material", groups=["block"], law="neo_hookean", young=100.0, poisson=0.3),
-        entry("contact", slave="underside", master="table", friction=friction),
-        entry("rigid", group="table"),
+        "plane_strain", material(100.0, 0.3, groups=["block"], law="neo_hookean"),
+        contact("underside", "table", friction=friction), entry("rigid", group="table"),
         entry("displacement", group="top", ux=[[1.0, 0.0], [2.0, 1.0]], uy=[[0.0, 0.0], [1.0, -0.03], [2.0, -0.03]]),
-        entry("steps", times=times(2, 10)),
-        kinematics="finite",
-    )
+        entry("steps", times=times(2, 10)), kinematics="finite",
+    )  # fmt: skip
     one = solve(text, on_table(n, radius))
     fx, fy = one.zone.force[nodes_of(one.mesh, "underside")].sum(axis=0)
     source, reason = "Coulomb's law: all slides", "the last faces are at an angle to the table"
@@ -197,13 +184,10 @@ def solve_on_table(friction: float, n: int = 20, radius: float = 0.0) -> Iterato
 def solve_in_groove(slave: str, geometry: str) -> Iterator[Result]:
     """A round body in a groove of 90 degrees, without friction, under its weight."""
     text = case_text(
-        "plane_strain",
-        entry("material", young=210e3, poisson=0.3),
-        entry("contact", slave=slave, master="flank" if slave == "round" else "round", geometry=geometry),
-        fixed("base", "xy"),
-        fixed("axis", "x"),
-        entry("body_force", groups=["ball"], fy=-1.0),
-    )
+        "plane_strain", material(210e3, 0.3),
+        contact(slave, "flank" if slave == "round" else "round", geometry=geometry), fixed("base", "xy"),
+        fixed("axis", "x"), entry("body_force", groups=["ball"], fy=-1.0),
+    )  # fmt: skip
     one = solve(text, in_groove(16))
     fx, fy = one.zone.force[nodes_of(one.mesh, "round")].sum(axis=0)
     source, reason = "the flank is at 45 degrees", "faces of the round body are at an angle to the flank"
@@ -219,15 +203,10 @@ def solve_thrown(cell: str) -> Iterator[Result]:
     """A block that is thrown along a rigid plane, and slides until it stands; SI units."""
     speed, gravity, friction = 1.0, 10.0, 0.4
     text = case_text(
-        "plane_strain",
-        entry("material", young=2e6, poisson=0.3, density=1000.0),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("rigid", group="master"),
-        entry("gravity", gy=-gravity),
-        entry("initial", groups=["pad"], vx=speed),
-        entry("dynamics"),
+        "plane_strain", material(2e6, 0.3, density=1000.0), contact(friction=friction), entry("rigid", group="master"),
+        entry("gravity", gy=-gravity), entry("initial", groups=["pad"], vx=speed), entry("dynamics"),
         entry("steps", end=1.2 * speed / (friction * gravity), count=320),
-    )
+    )  # fmt: skip
     one = solve(text, meshes.pad(cell, 8))
     along = [float(state.u.reshape(-1, 2)[nodes_of(one.mesh, "pad"), 0].mean()) for state in one.states]
     right = speed**2 / (2 * friction * gravity)
@@ -247,15 +226,11 @@ def solve_spinning(slip: float, mu: float, nu: float) -> Iterator[Result]:
     speed = impact.speed_for(approach, 1.0, 1.0, nu, 1.0)
     dt, count = impact.hertz(1.0, 1.0, nu, 1.0, speed).duration / steps, round(1.15 * steps)
     text = case_text(
-        "3d",
-        entry("material", young=1.0, poisson=nu, density=1.0),
-        entry("contact", slave="slave", master="wall", friction=mu, normals="slave"),
-        entry("rigid", group="wall"),
-        *(fixed(plane, "y") for plane in ("x0", "y0")),
+        "3d", material(1.0, nu, density=1.0), contact(master="wall", friction=mu, normals="slave"),
+        entry("rigid", group="wall"), *(fixed(plane, "y") for plane in ("x0", "y0")),
         entry("initial", groups=["ball"], vz=-speed, rotation=[0.0, -slip * speed, 0.0], centre=[0.0, 0.0, 1.0]),
-        entry("dynamics"),
-        entry("steps", end=count * dt, count=count),
-    )
+        entry("dynamics"), entry("steps", end=count * dt, count=count),
+    )  # fmt: skip
     one = solve(text, half_sphere_on_wall(np.sqrt(approach), 2.5 * dt * speed, 3))
     up, along, spin = (change / speed for change in _changes(one))
     _, right = impact.rebound(slip, mu, nu)
@@ -295,25 +270,19 @@ def solve_leaning(friction: float) -> Iterator[Result]:
     c, s = np.cos(angle), np.sin(angle)
     denominator = float(1 + 3 * c**2 - 3 * friction * s * c)  # m g over the normal force of a rigid rod at the start
     text = case_text(
-        "plane_strain",
-        entry("material", law="neo_hookean", young=1e3, poisson=0.3, density=1.0),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("rigid", group="master"),
-        entry("gravity", gy=-gravity),
-        entry("initial", groups=["rod"], vx=-1.0),
-        entry("dynamics"),
-        entry("steps", end=0.1, count=100),
-        kinematics="finite",
-    )
+        "plane_strain", material(1e3, 0.3, law="neo_hookean", density=1.0), contact(friction=friction),
+        entry("rigid", group="master"), entry("gravity", gy=-gravity), entry("initial", groups=["rod"], vx=-1.0),
+        entry("dynamics"), entry("steps", end=0.1, count=100), kinematics="finite",
+    )  # fmt: skip
     one = solve(text, meshes.rod("QUAD4", 16, angle))
     forces = [float(state.zones[0].pressure @ state.zones[0].area) / (0.1 * gravity) for state in one.states]
     if denominator > 0:
         name, reason = "normal force over m g, mean", "it turns, and its foot has a width"
         within = 0.05 / denominator
-        yield equal(name, np.mean(forces), 1 / denominator, within, source="a rigid rod", reason=reason)
+        yield equal(name, float(np.mean(forces)), 1 / denominator, within, source="a rigid rod", reason=reason)
     else:
         foot = nodes_of(one.mesh, "slave")
-        early = max(abs(state.u.reshape(-1, 2)[foot, 0].mean()) for state in one.states[:50]) / 0.05
+        early = np.abs([state.u.reshape(-1, 2)[foot, 0].mean() for state in one.states[:50]]).max() / 0.05
         name = "way of the foot in half the time, of that without friction"
         yield at_most(name, early, 0.05, source="it jams: an impact without a collision")
         source = "a rigid rod has none that is finite"

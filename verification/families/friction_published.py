@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from verification.meshes.blocks import joined, nodes_of
 from verification.meshes.published import mesh_of, there
 from verification.records import Case, Published, Result, at_most, equal, problem, row
-from verification.solving import Solved, balanced, case_text, entry, fixed, solve, times
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, solve, times
 
 Floats = NDArray[np.floating]
 #: why figures differ on code_aster's mesh, and on a twin
@@ -33,23 +33,18 @@ _PLATE = (
 def solve_plate(twin: bool = False) -> Iterator[Result]:
     """ssnv128: displacement along the plane."""
     text = case_text(
-        "plane_strain",
-        entry("material", young=1.3e11, poisson=0.2),
-        entry("contact", slave="LCONTA", master="LBATI", friction=1.0),
-        fixed("SBATI", "xy"),
-        fixed("LBLOCX", "x"),
-        entry("pressure", group="LPRESV", value=5e7),
+        "plane_strain", material(1.3e11, 0.2), contact("LCONTA", "LBATI", friction=1.0), fixed("SBATI", "xy"),
+        fixed("LBLOCX", "x"), entry("pressure", group="LPRESV", value=5e7),
         entry("pressure", group="LPRESH", value=15e7),
-    )
+    )  # fmt: skip
     one = solve(text, mesh_of("ssnv128m", twin))
     nodes = nodes_of(one.mesh, "LCONTA")
     order = nodes[np.argsort(one.mesh.points[nodes, 0])]
     for x, right, mean in _PLATE:
+        greco = Published("GRECO, mean of several codes", mean, "Feijoo, Barbosa, Zouain")
         u = float(np.interp(1e-3 * x, one.mesh.points[order, 0], one.u[order, 0]))
-        yield equal(
-            f"u_x at {x:g} mm", u, right, 0.005 * right, source="code_aster, ssnv128, CONTINUE", reason=_DIFFER[twin],
-            published=(Published("GRECO, mean of several codes", mean, "Feijoo, Barbosa, Zouain"),),
-        )  # fmt: skip
+        yield equal(f"u_x at {x:g} mm", u, right, 0.005 * right, source="code_aster, ssnv128, CONTINUE",
+                    reason=_DIFFER[twin], published=(greco,))  # fmt: skip
     yield at_most("iterations", one.iterations, 26, source="a prototype")
     yield from balanced([one])
 
@@ -63,22 +58,16 @@ def solve_roller(twin: bool = False) -> Iterator[Result]:
     solutions = []
     for friction, right, mean in ((0.1, -1.26898, -1.3026), (0.0, -1.27031, -1.3069)):
         text = case_text(
-            "plane_strain",
-            entry("material", groups=["Cylinder"], young=210e3, poisson=0.3),
-            entry("material", groups=["Block"], young=70e3, poisson=0.3),
-            entry("contact", slave="Bottom_C", master="Top_B", friction=friction or None, geometry="current"),
-            fixed("Encast", "xy"),
-            fixed("Axe", "x"),
-            entry("force", group="Force", fy=-17500.0),
-            entry("steps", count=2),
-        )
+            "plane_strain", material(210e3, 0.3, groups=["Cylinder"]), material(70e3, 0.3, groups=["Block"]),
+            contact("Bottom_C", "Top_B", friction=friction or None, geometry="current"), fixed("Encast", "xy"),
+            fixed("Axe", "x"), entry("force", group="Force", fy=-17500.0), entry("steps", count=2),
+        )  # fmt: skip
         one = solve(text, mesh_of("ssnp154a", twin))
         (b,) = one.mesh.node_groups["B"]
         solutions.append(one)
-        yield equal(
-            f"u_y of B, mu = {friction:g}", one.u[b, 1], right, 0.005 * abs(right), source="code_aster, ssnp154a",
-            reason=_DIFFER[twin], published=(Published("Abaqus, Marc, quadratic", mean, "NAFEMS, FENET"),),
-        )  # fmt: skip
+        yield equal(f"u_y of B, mu = {friction:g}", one.u[b, 1], right, 0.005 * abs(right),
+                    source="code_aster, ssnp154a", reason=_DIFFER[twin],
+                    published=(Published("Abaqus, Marc, quadratic", mean, "NAFEMS, FENET"),))  # fmt: skip
     yield from balanced(solutions)
 
 
@@ -88,16 +77,11 @@ def solve_rounded(twin: bool = False) -> Iterator[Result]:
     u, solutions, theirs = [], [], (-0.130734, -0.128580)  # code_aster's u_y of M without friction and with it
     for friction in (0.0, 0.1):
         text = case_text(
-            "axisymmetric",
-            entry("material", groups=["Poincon"], law="saint_venant_kirchhoff", young=210e3, poisson=0.3),
-            entry("material", groups=["Massif"], law="saint_venant_kirchhoff", young=70e3, poisson=0.3),
-            entry("contact", slave="P_cont", master="M_cont", friction=friction or None),
-            fixed("Encast", "xy"),
-            fixed("Axe", "x"),
-            entry("pressure", group="Force", value=100.0),
-            entry("steps", count=4),
-            kinematics="finite",
-        )
+            "axisymmetric", material(210e3, 0.3, groups=["Poincon"], law="saint_venant_kirchhoff"),
+            material(70e3, 0.3, groups=["Massif"], law="saint_venant_kirchhoff"),
+            contact("P_cont", "M_cont", friction=friction or None), fixed("Encast", "xy"), fixed("Axe", "x"),
+            entry("pressure", group="Force", value=100.0), entry("steps", count=4), kinematics="finite",
+        )  # fmt: skip
         one = solve(text, mesh_of("ssna122a", twin))
         (m,) = one.mesh.node_groups["M"]
         solutions.append(one)
@@ -122,10 +106,8 @@ def solve_pin(twin: bool = False) -> Iterator[Result]:
         ("largest u_x of the hole", free[1], 0.754844, 0.740573),
         ("largest u_y of the hole", free[2], 0.0927840, 0.0918286),
     ):
-        yield equal(
-            f"{name}, mu = 0", own, theirs, near * theirs, source=source, reason=_DIFFER[twin],
-            published=(Published("code_aster, CONTINUE", other, "reference of cont014a"),),
-        )  # fmt: skip
+        yield equal(f"{name}, mu = 0", own, theirs, near * theirs, source=source, reason=_DIFFER[twin],
+                    published=(Published("code_aster, CONTINUE", other, "reference of cont014a"),))  # fmt: skip
     apart = float(np.abs(many[1] / one[1] - 1).max())
     yield at_most("largest difference between one step and eight", apart, 1e-6, source="loaded in proportion")
     yield from balanced([one[0], many[0]])
@@ -134,15 +116,10 @@ def solve_pin(twin: bool = False) -> Iterator[Result]:
 def _pin(friction: float | None, steps: int, twin: bool) -> tuple[Solved, Floats]:
     """Solution, and the largest displacements (3,): along the load of the pin's skin and of the hole's, and across."""
     text = case_text(
-        "plane_strain",
-        entry("material", groups=["Pin"], young=210e3, poisson=0.3),
-        entry("material", groups=["Sheet"], young=70e3, poisson=0.3),
-        entry("contact", slave="Slave", master="Master", friction=friction, geometry="current"),
-        fixed("Encast", "xy"),
-        fixed("Axe", "y"),
-        entry("force", group="F", fx=10e3),
-        entry("steps", count=steps),
-    )
+        "plane_strain", material(210e3, 0.3, groups=["Pin"]), material(70e3, 0.3, groups=["Sheet"]),
+        contact("Slave", "Master", friction=friction, geometry="current"), fixed("Encast", "xy"), fixed("Axe", "y"),
+        entry("force", group="F", fx=10e3), entry("steps", count=steps),
+    )  # fmt: skip
     one = solve(text, mesh_of("ssnp156a", twin))
     skins = np.union1d(nodes_of(one.mesh, "Slave"), nodes_of(one.mesh, "Master"))
     pin, hole = (one.u[np.intersect1d(skins, nodes_of(one.mesh, body))] for body in ("Pin", "Sheet"))
@@ -162,15 +139,11 @@ def solve_ironing(
     for slave in slaves:
         path = {"ux": [[0.0, 0.0], [1.0, 0.0], [2.0, 10.0]], "uy": [[0.0, 0.0], [1.0, -1.0], [2.0, -1.0]]}
         text = case_text(
-            "plane_strain",
-            entry("material", groups=["Soft"], law="neo_hookean", young=6.896e8, poisson=0.32),
-            entry("material", groups=["Hard"], law="neo_hookean", young=68.96e8, poisson=0.32),
-            entry("contact", slave=slave, master={"Master": "Slave", "Slave": "Master"}[slave], friction=0.3),
-            fixed("Bloq", "xy"),
-            entry("displacement", group="Depl", **path),
-            entry("steps", times=times(10, steps)),
-            kinematics="finite",
-        )
+            "plane_strain", material(6.896e8, 0.32, groups=["Soft"], law="neo_hookean"),
+            material(68.96e8, 0.32, groups=["Hard"], law="neo_hookean"),
+            contact(slave, {"Master": "Slave", "Slave": "Master"}[slave], friction=0.3), fixed("Bloq", "xy"),
+            entry("displacement", group="Depl", **path), entry("steps", times=times(10, steps)), kinematics="finite",
+        )  # fmt: skip
         every.append(solve(text, joined([(mesh_of("ssnp153a", twin), {})], keep=True)))
     halvings = sum(one.halvings for one in every)
     yield at_most("cutbacks", halvings, 0, source="a prototype had none in 110 steps")
@@ -188,23 +161,18 @@ def solve_ironing(
 
 def cases(family: str) -> Iterator[Case]:
     """Plate, roller, punch, pin, ironing; each with a twin."""
-    both, own = ("Master", "Slave"), "a mesh of our own of the same bodies"
-    for name, mesh, what, solve_it, given, suite, seconds, of_twin in (
-        ("ssnv128", "ssnv128m", "a plate on a rigid plane", solve_plate, (), "quick", 3.0, 3.0),
-        ("ssnp154a", "ssnp154a", "NAFEMS's roller", solve_roller, (), "quick", 5.0, 5.0),
-        ("ssna122a", "ssna122a", "NAFEMS's punch with rounded edges", solve_rounded, (), "full", 5.0, 5.0),
-        ("ssnp156a", "ssnp156a", "NAFEMS's loaded pin", solve_pin, (), "quick", 5.0, 5.0),
-        (
-            "ironing-110", "ssnp153a", "ironing in 110 steps, both roles", solve_ironing, (both, 100, 600),
-            "every", 600.0, 60.0,
-        ),
-        (
-            "ironing-60", "ssnp153a", "ironing in 60 steps, the die is the slave", solve_ironing, (both[:1], 50),
-            "every", 200.0, 15.0,
-        ),
-    ):  # fmt: skip
+    dies, own = ("Master", "Slave"), "a mesh of our own of the same bodies"
+    for name, mesh, what, solve_it, given, quick in (
+        ("ssnv128", "ssnv128m", "a plate on a rigid plane", solve_plate, (), 1),
+        ("ssnp154a", "ssnp154a", "NAFEMS's roller", solve_roller, (), 1),
+        ("ssna122a", "ssna122a", "NAFEMS's punch with rounded edges", solve_rounded, (), 0),
+        ("ssnp156a", "ssnp156a", "NAFEMS's loaded pin", solve_pin, (), 1),
+        ("ironing-110", "ssnp153a", "ironing in 110 steps, both roles", solve_ironing, (dies, 100, 600), 0),
+        ("ironing-60", "ssnp153a", "ironing in 60 steps, the die is the slave", solve_ironing, (dies[:1], 50), 0),
+    ):
+        long, short = {"ironing-110": (600.0, 60.0), "ironing-60": (200.0, 15.0)}.get(name, (5.0, 5.0))
         if there(mesh):
-            suites = {suite: 1}
-            yield row(family, name, f"{what}, code_aster's mesh", solve_it, *given, **suites, seconds=seconds)
-        suites = {"full" if suite == "every" else suite: 1}
-        yield row(family, f"{name}-twin", f"{what}, {own}", solve_it, *given, twin=True, **suites, seconds=of_twin)
+            words, full = f"{what}, code_aster's mesh", int(mesh != "ssnp153a")
+            yield row(family, name, words, solve_it, *given, quick=quick, full=full, every=1, seconds=long)
+        name, words = f"{name}-twin", f"{what}, {own}"
+        yield row(family, name, words, solve_it, *given, twin=True, quick=quick, full=1, seconds=short)

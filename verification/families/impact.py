@@ -31,7 +31,7 @@ from verification.families.impact_runs import Bar, account, energies, on_wall, r
 from verification.meshes import published
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
 from verification.records import Case, Family, Published, Result, at_least, at_most, equal, problem, row
-from verification.solving import entry
+from verification.solving import contact, entry, fixed
 
 _RMS = "rms error of pressures"
 
@@ -71,10 +71,8 @@ def solve_bars(given: Bar, *, levels: int) -> Iterator[Result]:
     n = given.n << (levels - 1)
     dt, wait, last, count = given.timing(n)
     linear = {"QUAD4": "TRIA3", "TRIA3": "QUAD4", "QUAD8": "TRIA6", "TRIA6": "QUAD8"}
-    text = given.text(
-        count * dt, count, entry("contact", slave="slave", master="master"),
-        entry("initial", groups=["upper"], vy=-given.speed),
-    )  # fmt: skip
+    start = entry("initial", groups=["upper"], vy=-given.speed)
+    text = given.text(count * dt, count, contact(), start)
     across = max(1, n // 4), max(1, n // 4 - 1)
     impact = run(text, bars((given.cell, linear[given.cell]), (n, n - n // 8), across, wait * given.speed))
     yield at_most(_RMS, impact.error(given.c * given.speed / 2, wait, last), 0.03, source="rho c v / 2")
@@ -84,10 +82,9 @@ def solve_bars(given: Bar, *, levels: int) -> Iterator[Result]:
     for body, right in (("upper", 0.0), ("lower", -1.0)):
         cells = space.mesh.cells_of(body)
         nodes = np.unique(np.concatenate([b.nodes[np.isin(b.cell, cells)].ravel() for b in space.blocks]))
-        yield equal(
-            f"velocity of the {body} bar afterwards", mv[nodes].sum(), right, 0.01, source="velocities are exchanged",
-            reason="relative to v; part of the energy stays in vibrations",
-        )  # fmt: skip
+        yield equal(f"velocity of the {body} bar afterwards", mv[nodes].sum(), right, 0.01,
+                    source="velocities are exchanged",
+                    reason="relative to v; part of the energy stays in vibrations")  # fmt: skip
     yield from energies(impact, 0.98)
 
 
@@ -96,8 +93,8 @@ def solve_rod(given: Bar, *, levels: int) -> Iterator[Result]:
     """GetFEM's rod, held at its top and pulled down on a wall: a motion of period 3, over four periods."""
     n, periods = given.n << (levels - 1), 4
     text = given.text(
-        3.0 * periods, ceil(3 * periods * n / given.cfl), entry("contact", slave="slave", master="wall"),
-        entry("rigid", group="wall"), entry("displacement", group="top", uy=0.0),
+        3.0 * periods, ceil(3 * periods * n / given.cfl), contact(master="wall"),
+        entry("rigid", group="wall"), fixed("top", "y"),
         entry("initial", groups=["bar"], uy="0.5 - y / 2"),
     )  # fmt: skip
     impact = run(text, bar_on_wall(given.cell, n))
@@ -114,7 +111,7 @@ def solve_bounce(given: Bar, *, levels: int) -> Iterator[Result]:
     n, height, gravity, end = given.n << (levels - 1), 0.5, 1.0, 14.3
     text = given.text(
         end, ceil(end * n * given.c / given.cfl), entry("rigid", group="wall"), entry("gravity", gy=-gravity),
-        entry("contact", slave="slave", master="wall", search_distance=1.0),
+        contact(master="wall", search_distance=1.0),
     )  # fmt: skip
     impact = run(text, bar_on_wall(given.cell, n, height))
     begin, last = sqrt(2 * height / gravity), 2 / given.c
@@ -136,18 +133,13 @@ def solve_sdnl111(given: Bar) -> Iterator[Result]:
     """
     there = published.there("sdnl111")
     if there:
-        mesh, up, (slave, master, free, foot) = (
-            published.code_aster("sdnl111"),
-            -1.0,
-            ("M103", "M101", "POU1", "CL_POU2"),
-        )
-        supports = [entry("displacement", group=name, ux=0.0, uy=0.0) for name in ("POU1", "POU2")]
+        mesh, up, supports = published.code_aster("sdnl111"), -1.0, [fixed("POU1", "xy"), fixed("POU2", "xy")]
+        slave, master, free, foot = "M103", "M101", "POU1", "CL_POU2"
     else:
-        mesh, up = bars((given.cell, given.cell), (50, 50), (1, 1), 1e-5), 1.0
+        mesh, up, supports = bars((given.cell, given.cell), (50, 50), (1, 1), 1e-5), 1.0, []
         slave, master, free, foot = "slave", "master", "lower", "top"
-        supports = []
     text = given.text(
-        1e-3, 500, entry("contact", slave=slave, master=master), *supports, entry("displacement", group=foot, uz=0.0),
+        1e-3, 500, contact(slave, master), *supports, fixed(foot, "z"),
         entry("initial", groups=[free], vz=up), entry("probe", name="face", group=master), density=7800.0, free=there,
     )  # fmt: skip
     impact = run(text, mesh)
@@ -156,10 +148,8 @@ def solve_sdnl111(given: Bar) -> Iterator[Result]:
     for t, step, right, theirs in rows:
         beside = (Published("code_aster, continuous contact", right * (1 + theirs / 100), "sdnl111e"),)
         value = float(step.probes["face"][2]) * -up
-        yield equal(
-            f"displacement at {t:g} s", value, right, 5e-3 * abs(right), source="characteristics",
-            reason="half a per cent, on 50 cells", published=beside,
-        )  # fmt: skip
+        yield equal(f"displacement at {t:g} s", value, right, 5e-3 * abs(right), source="characteristics",
+                    reason="half a per cent, on 50 cells", published=beside)  # fmt: skip
     yield account(impact)
 
 

@@ -18,7 +18,7 @@ from verification.meshes.balls import quarter_sphere_on_wall, sphere_on_wall
 from verification.meshes.bars import WIDTH, bar, bar_on_wall
 from verification.meshes.thrown import OUTER, disc, on_wall, ring, two_rings
 from verification.records import Result, at_least, at_most, equal, levels_of, problem, rate
-from verification.solving import Solved, case_text, entry, fixed, model_of, solve
+from verification.solving import Solved, case_text, contact, entry, fixed, material, model_of, solve
 
 Floats = NDArray[np.floating]
 
@@ -40,29 +40,21 @@ def solve_sphere(cell: str, approach: float, allowed: float) -> Iterator[Result]
     right = exact.hertz(1.0, 1.0, _NU, 1.0, speed)
     dt = right.duration / _STEPS
     text = case_text(
-        "3d" if dim == 3 else "axisymmetric",
-        entry("material", young=1.0, poisson=_NU, density=1.0),
-        entry("contact", slave="slave", master="wall"),
-        entry("rigid", group="wall"),
-        *(fixed(f"{a}0", a) for a in ("xy" if dim == 3 else "")),
-        entry("initial", groups=["ball"], **{f"v{'xyz'[dim - 1]}": -speed}),
-        entry("dynamics"),
+        "3d" if dim == 3 else "axisymmetric", material(1.0, _NU, density=1.0), contact(master="wall"),
+        entry("rigid", group="wall"), *(fixed(f"{a}0", a) for a in ("xy" if dim == 3 else "")),
+        entry("initial", groups=["ball"], **{f"v{'xyz'[dim - 1]}": -speed}), entry("dynamics"),
         entry("steps", end=count * dt, count=count),
-    )
+    )  # fmt: skip
     mesh = (quarter_sphere_on_wall if dim == 3 else sphere_on_wall)(sqrt(approach), 2.5 * dt * speed)
     impact = run(text, mesh)
     force = np.array([motion.pushes[0, 0, -1] for motion in impact.motions]) * (4 if dim == 3 else 1)
     on = np.flatnonzero(force > 0)
-    yield equal(
-        "largest force over Hertz'", force.max() / right.force, finite(approach), approach + _MESH,
-        source="Hertz 1882, and the linear solution of a finite sphere, to first order in a / R",
-        reason=f"errors of second order, (a / R)^2, and {_MESH:g} of the meshes",
-    )  # fmt: skip
-    yield equal(
-        "duration over Hertz'", (on[-1] - on[0] + 1) * dt / right.duration, 1.0, max(allowed, 0.007),
-        source="Hertz 1882",
-        reason=f"Hertz' solution is of a half-space: errors go as a / R; a step of 1/{_STEPS}",
-    )  # fmt: skip
+    yield equal("largest force over Hertz'", force.max() / right.force, finite(approach), approach + _MESH,
+                source="Hertz 1882, and the linear solution of a finite sphere, to first order in a / R",
+                reason=f"errors of second order, (a / R)^2, and {_MESH:g} of the meshes")  # fmt: skip
+    yield equal("duration over Hertz'", (on[-1] - on[0] + 1) * dt / right.duration, 1.0, max(allowed, 0.007),
+                source="Hertz 1882",
+                reason=f"Hertz' solution is of a half-space: errors go as a / R; a step of 1/{_STEPS}")  # fmt: skip
     yield equal("openings", float((np.diff(on) > 1).sum() + 1), 1, 0, source="one impact", reason="exact")
     why = "cells a thousand times smaller than the sphere: round-off of K u is 1e-9 of the forces"
     narrow = approach < 1e-3
@@ -76,17 +68,15 @@ def finite(approach: float) -> float:
     of mass by less than a half-space's by c F / (E R), in the mean weighted by p0. As p0 is stationary, the energy at
     an approach grows by c F^2 / (2 E R); at a given energy the force grows by a part of c (a / R) / (1 - nu^2).
     """
-    contact, young = sqrt(approach), 1e4  # so stiff that displacements are small
-    force = 2 / 3 * pi * contact**2
-    mesh = sphere_on_wall(contact, 1e-9, 16)
+    radius, young = sqrt(approach), 1e4  # so stiff that displacements are small
+    force = 2 / 3 * pi * radius**2
+    mesh = sphere_on_wall(radius, 1e-9, 16)
     text = case_text(
-        "axisymmetric",
-        entry("material", young=young, poisson=_NU),
-        entry("traction", group="slave", ty=f"sqrt(max(0, 1 - (x / {contact!r})**2))"),
+        "axisymmetric", material(young, _NU),
+        entry("traction", group="slave", ty=f"sqrt(max(0, 1 - (x / {radius!r})**2))"),
         entry("body_force", groups=["ball"], fy=-force / (4 / 3 * pi)),
-        entry("displacement", at=[0.0, float(mesh.points[:, 1].max())], uy=0.0),
-        entry("rigid", group="wall"),
-    )
+        entry("displacement", at=[0.0, float(mesh.points[:, 1].max())], uy=0.0), entry("rigid", group="wall"),
+    )  # fmt: skip
     solved = solve(text, mesh)
     mesh, u = solved.mesh, solved.u[:, 1]
     points = {name: tuple(points_of(mesh, mesh.cell_groups[name], axisymmetric=True)) for name in ("ball", "slave")}
@@ -94,11 +84,11 @@ def finite(approach: float) -> float:
     centre = sum((p.w * v).sum() for p, v in ball) / sum(p.w.sum() for p, _ in ball)
     loss, weight = 0.0, 0.0
     for p, v in skin:
-        inside = np.maximum(0.0, 1 - (p.x[..., 0] / contact) ** 2)
-        half_space = pi * contact * (1 + inside) * (1 - _NU**2) / (4 * young)
+        inside = np.maximum(0.0, 1 - (p.x[..., 0] / radius) ** 2)
+        half_space = pi * radius * (1 + inside) * (1 - _NU**2) / (4 * young)
         w = p.w * np.sqrt(inside)
         loss, weight = loss + (w * (half_space - v + centre)).sum(), weight + w.sum()
-    return 1 + loss / weight * young / force * contact / (1 - _NU**2)
+    return 1 + loss / weight * young / force * radius / (1 - _NU**2)
 
 
 # ---- large deformations
@@ -122,28 +112,21 @@ def solve_thrown(kind: str) -> Iterator[Result]:
         centre = 0.0, OUTER + _GAP
         mesh = on_wall(ring(n, 2, centre) if kind == "ring" else disc(n, centre))
     text = case_text(
-        "axisymmetric" if kind == "ball" else "plane_strain",
-        entry("material", law="neo_hookean", young=100.0, poisson=0.3, density=1.0),
-        entry("contact", slave="slave", master="master" if kind == "rings" else "wall"),
+        "axisymmetric" if kind == "ball" else "plane_strain", material(100.0, 0.3, law="neo_hookean", density=1.0),
+        contact(master="master" if kind == "rings" else "wall"),
         *([] if kind == "rings" else [entry("rigid", group="wall")]),
         *(entry("initial", groups=[group], **velocity) for group, velocity in starts.items()),
-        entry("dynamics", scheme="newmark"),
-        entry("steps", end=end, count=round(end / _STEP)),
-        kinematics="finite",
-    )
+        entry("dynamics", scheme="newmark"), entry("steps", end=end, count=round(end / _STEP)), kinematics="finite",
+    )  # fmt: skip
     impact = run(text, mesh)
     touching = impact.pressure.any(axis=1)
     iterations = np.array([state.iterations for state in impact.solved.states])[touching].mean()
     yield at_most("largest energy", impact.whole.max(), 1.001, source="no energy is created")
-    yield at_least(
-        "smallest energy", impact.whole.min(), 0.97, source="energy is conserved as dt -> 0",
-        reason="Newmark's method is of the second order in finite kinematics",
-    )  # fmt: skip
+    yield at_least("smallest energy", impact.whole.min(), 0.97, source="energy is conserved as dt -> 0",
+                   reason="Newmark's method is of the second order in finite kinematics")  # fmt: skip
     yield account(impact)
-    yield at_most(
-        "Newton iterations of a step in contact", iterations, 3.5, source="as the first static steps take",
-        reason="a wave crosses a cell in a step and changes strains by per cents",
-    )  # fmt: skip
+    yield at_most("Newton iterations of a step in contact", iterations, 3.5, source="as the first static steps take",
+                  reason="a wave crosses a cell in a step and changes strains by per cents")  # fmt: skip
 
 
 # ---- free motions
@@ -160,13 +143,10 @@ def solve_spin(cell: str, scheme: str, *, levels: int) -> Iterator[Result]:
     off: list[tuple[float, ...]] = []
     for count in counts:
         text = case_text(
-            model_of(dim),
-            entry("material", law="neo_hookean", young=1e3, poisson=0.3, density=1.0),
+            model_of(dim), material(1e3, 0.3, law="neo_hookean", density=1.0),
             entry("initial", rotation=_TURN[dim], **dict(zip(("vx", "vy", "vz"), _FLIGHT[:dim], strict=False))),
-            entry("dynamics", scheme=scheme),
-            entry("steps", end=2 * np.pi, count=count),
-            kinematics="finite",
-        )
+            entry("dynamics", scheme=scheme), entry("steps", end=2 * np.pi, count=count), kinematics="finite",
+        )  # fmt: skip
         turned = run(text, bar(cell, 4))
         linear = np.array([motion.linear for motion in turned.motions]) / WIDTH ** (dim - 1) - velocity
         angular = np.array([np.atleast_1d(motion.angular) for motion in turned.motions])
@@ -182,10 +162,8 @@ def solve_spin(cell: str, scheme: str, *, levels: int) -> Iterator[Result]:
     for what, errors in (("angular momentum", spin), ("energy", energy)):
         table = levels_of(h, unknowns, errors)
         yield rate(f"{what}, its largest error", table, 1.95, source="second order in dt", reason="relative, in a turn")
-    yield at_most(
-        "account of energy", max(accounts), 10 * CLOSED, source=ACCOUNT,
-        reason="Newton's method ends at the round-off of K u, 1e-14 of it, in every step",
-    )  # fmt: skip
+    yield at_most("account of energy", max(accounts), 10 * CLOSED, source=ACCOUNT,
+                  reason="Newton's method ends at the round-off of K u, 1e-14 of it, in every step")  # fmt: skip
 
 
 @problem
@@ -199,10 +177,8 @@ def solve_vibration(given: Bar, *, levels: int) -> Iterator[Result]:
         errors.append(float((modes.frequencies / right - 1).max()))
         unknowns.append(modes.unknowns)
     yield at_least("least error of a frequency", min(errors), 0.0, source="a consistent mass: all come from above")
-    yield rate(
-        "largest error of 2 frequencies", levels_of([1 / n for n in counts], unknowns, errors),
-        2.0 * CELLS[given.cell].order - 0.05, source="h^2 and h^4: frequencies (2 k - 1) c / 4 L",
-    )  # fmt: skip
+    yield rate("largest error of 2 frequencies", levels_of([1 / n for n in counts], unknowns, errors),
+               2.0 * CELLS[given.cell].order - 0.05, source="h^2 and h^4: frequencies (2 k - 1) c / 4 L")  # fmt: skip
 
 
 #: order in time: the end, steps to it on the coarsest level, and how much finer the reference is
@@ -217,9 +193,9 @@ def solve_order(given: Bar, *, levels: int) -> Iterator[Result]:
     """
     counts = [_COUNT << level for level in range(levels)]
     *coarser, right = (_loaded(given, count) for count in (*counts, _COUNT * _FINER))
-    exact_values, unknowns = _at_the_end(right), [right.unknowns] * levels
+    reference, unknowns = _at_the_end(right), [right.unknowns] * levels
     for k, what in enumerate(("displacement", "velocity", "force of contact")):
-        own = exact_values[k]
+        own = reference[k]
         errors = [float(np.abs(_at_the_end(one)[k] - own).max() / np.abs(own).max()) for one in coarser]
         table = levels_of([_END / count for count in counts], unknowns, errors)
         reason = f"against steps of 1/{_COUNT * _FINER} of the time"
@@ -228,7 +204,7 @@ def solve_order(given: Bar, *, levels: int) -> Iterator[Result]:
 
 def _loaded(given: Bar, count: int) -> Solved:
     load = entry("force", group="top", fy="-0.01 - 0.02 * max(t - 1.0, 0) ** 4")
-    skins = entry("contact", slave="slave", master="wall"), entry("rigid", group="wall")
+    skins = contact(master="wall"), entry("rigid", group="wall")
     return solve(given.text(_END, count, *skins, load), bar_on_wall(given.cell, given.n))
 
 

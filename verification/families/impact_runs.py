@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from verification.exact import impact as exact
 from verification.meshes.bars import bar_on_wall
 from verification.records import Result, at_least, at_most
-from verification.solving import Solved, case_text, entry, fixed, model_of, solve
+from verification.solving import Solved, case_text, contact, entry, fixed, material, model_of, solve
 
 Floats = NDArray[np.floating]
 #: the account of energy, and what may be left of it, relative to the largest energy
@@ -59,13 +59,11 @@ class Bar:
         """The case of bars, as TOML, which cannot move sideways unless they are `free`."""
         sides = [(f"{a}{e}", a) for a in "xyz"[: self.dim - 1] for e in "01"]
         return case_text(
-            model_of(self.dim),
-            entry("material", young=self.young, poisson=self.poisson, density=density),
-            *(fixed(*side) for side in sides if not free),
-            *tables,
+            model_of(self.dim), material(self.young, self.poisson, density=density),
+            *(fixed(*side) for side in sides if not free), *tables,
             entry("dynamics", scheme=self.scheme, massless=self.massless, start=self.start),
             entry("steps", end=end, count=count),
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ class ImpactRun:
     @property
     def unbalanced(self) -> float:
         """Largest error of the account of energy, relative to the largest energy."""
-        return float(max(abs(motion.account) for motion in self.motions) / np.abs(self.energies).max())
+        return float(np.abs([motion.account for motion in self.motions]).max() / np.abs(self.energies).max())
 
     def error(self, right: float, start: float, last: float) -> float:
         """Root mean square of the error of pressures from 10 % to 90 % of a contact, relative to the right one."""
@@ -109,7 +107,7 @@ def on_wall(given: Bar, n: int) -> tuple[ImpactRun, float]:
     """Throw a bar of n cells on a wall; return the run, and the error of its pressures."""
     dt, wait, last, count = given.timing(n)
     velocity: Mapping[str, Any] = {f"v{'xyz'[given.dim - 1]}": -given.speed}
-    tables = entry("contact", slave="slave", master="wall"), entry("rigid", group="wall")
+    tables = contact(master="wall"), entry("rigid", group="wall")
     text = given.text(count * dt, count, *tables, entry("initial", groups=["bar"], **velocity))
     impact = run(text, bar_on_wall(given.cell, n, wait * given.speed))
     return impact, impact.error(given.c * given.speed, wait, last)

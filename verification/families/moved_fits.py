@@ -20,7 +20,7 @@ from lacmesh.cells import CELLS
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.rings import pair, ring, sleeve
 from verification.records import Case, Family, Result, at_most, problem, row
-from verification.solving import balanced, case_text, entry, fixed, model_of, solve
+from verification.solving import balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 #: displacement along each axis, a number or a formula
 Formulas = tuple[float | str, float | str, float | str]
@@ -71,12 +71,10 @@ class MovedFit:
         """The case, as TOML, with a clearance and the motion of the hub, which its outer face has."""
         axes = "xyz"[: self.dim]
         return case_text(
-            model_of(self.dim),
-            entry("material", young=2000.0, poisson=0.3),
-            entry("contact", slave="slave", master="master", normals=self.normals, clearance=clearance),
+            model_of(self.dim), material(2000.0, 0.3), contact(normals=self.normals, clearance=clearance),
             fixed("inner", axes),
             entry("displacement", group="outer", **{f"u{a}": u for a, u in zip(axes, motion, strict=False)}),
-        )
+        )  # fmt: skip
 
     def motions(self) -> Mapping[str, tuple[float, Formulas]]:
         """The motions of the hub by name, each with the clearance that it has beside it."""

@@ -10,7 +10,7 @@ from lacmesh import Mesh
 from lacsolver import NotConvergedError
 from verification.meshes.plates import Floats, plates
 from verification.records import Family, Result, at_most, equal, problem, row
-from verification.solving import Solved, balanced, case_text, entry, fixed, model_of, solve
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 _CONVEX = "small strains without friction: one equilibrium, of a convex problem"
 _FEW = "a system is a solution with one active set; the edge of contact passes over many faces"
@@ -31,13 +31,9 @@ def solve_strips(faces: int) -> Iterator[Result]:
     lower, upper = ((0.0, 0.0), (75.0, 5.0)), ((0.0, 5.0), (150.0, 10.0))
     boxes = [(np.array(low), np.array(high)) for low, high in (lower, upper)]
     text = case_text(
-        "plane_strain",
-        entry("material", young=210000.0, poisson=0.3),
-        entry("contact", slave="over1", master="under2"),
-        *(fixed(f"start{k}", "x") for k in (1, 2)),
-        entry("displacement", at=[0.0, 0.0], uy=10.0),
-        entry("displacement", at=[150.0, 5.0], uy=0.0),
-    )
+        "plane_strain", material(210000.0, 0.3), contact("over1", "under2"), *(fixed(f"start{k}", "x") for k in (1, 2)),
+        entry("displacement", at=[0.0, 0.0], uy=10.0), entry("displacement", at=[150.0, 5.0], uy=0.0),
+    )  # fmt: skip
     solved = solve(text, plates(boxes, [(faces, 1), (2 * faces + 1, 1)], table=False))
     force, source = float(solved.zone.pressure @ solved.zone.area), "Murty's rule alone, on the same mesh"
     yield equal("force between the strips", force, 44.4763, 1e-4, source=source, reason="digits of the source")
@@ -51,23 +47,17 @@ def solve_lifted(faces: int) -> Iterator[Result]:
     A beam without shear is lifted over l = (24 E I H / q)^(1/4), by a force q l / 2.
     """
     text = case_text(
-        "plane_strain",
-        entry("material", groups=["plate1"], young=_YOUNG, poisson=0.0),
-        entry("contact", slave="under1", master="table"),
-        entry("rigid", group="table"),
-        entry("body_force", groups=["plate1"], fy=-_WEIGHT),
-        entry("displacement", at=[120.0, 0.0], uy=_LIFT),
-        entry("displacement", at=[0.0, 0.0], ux=0.0),
-    )
+        "plane_strain", material(_YOUNG, 0.0, groups=["plate1"]), contact("under1", "table"),
+        entry("rigid", group="table"), entry("body_force", groups=["plate1"], fy=-_WEIGHT),
+        entry("displacement", at=[120.0, 0.0], uy=_LIFT), entry("displacement", at=[0.0, 0.0], ux=0.0),
+    )  # fmt: skip
     strip = (np.array([0.0, 0.0]), np.array([120.0, 1.0]))
     solved = solve(text, plates([strip], [(faces, 1)], table=True, kind="QUAD8"))
     length = (24 * _YOUNG / 12 * _LIFT / _WEIGHT) ** 0.25
     force = 120.0 * _WEIGHT - float(solved.zone.pressure @ solved.zone.area)
-    yield equal(
-        "lifting force over that of a beam", force / (_WEIGHT * length / 2), 1.0, 1e-3,
-        source="a beam without shear lifted off a table, in closed form",
-        reason="shear, and the edge of contact within a face",
-    )  # fmt: skip
+    yield equal("lifting force over that of a beam", force / (_WEIGHT * length / 2), 1.0, 1e-3,
+                source="a beam without shear lifted off a table, in closed form",
+                reason="shear, and the edge of contact within a face")  # fmt: skip
     yield from _effort(solved, 60)
 
 
@@ -77,13 +67,11 @@ def solve_leaves(count: int, finite: bool, most: int) -> Iterator[Result]:
     boxes = [(np.array([0.0, 2.0 * k]), np.array([100.0, 2.0 * (k + 1)])) for k in range(count)]
     geometry = "current" if finite else "reference"
     text = case_text(
-        "plane_strain",
-        entry("material", law="neo_hookean" if finite else "elastic", young=2e5, poisson=0.3),
-        *(entry("contact", slave=f"over{k}", master=f"under{k + 1}", geometry=geometry) for k in range(1, count)),
+        "plane_strain", material(2e5, 0.3, law="neo_hookean" if finite else "elastic"),
+        *(contact(f"over{k}", f"under{k + 1}", geometry=geometry) for k in range(1, count)),
         *(fixed(f"start{k}", "xy") for k in range(1, count + 1)),
-        entry("displacement", at=[100.0, 2.0 * count], uy=-8.0),
-        kinematics="finite" if finite else "small",
-    )
+        entry("displacement", at=[100.0, 2.0 * count], uy=-8.0), kinematics="finite" if finite else "small",
+    )  # fmt: skip
     solved = solve(text, plates(boxes, [(85, 1)] * count, table=False))
     one_step = "one step serves where one equilibrium is sought"
     yield from _effort(solved, most, "" if finite else _CONVEX, one_step)
@@ -111,7 +99,7 @@ def random_plates(seed: int) -> tuple[str, Mesh]:
         cells = tuple(int(draw.integers(*ends)) for ends in ranges)
         boxes, counts = [*boxes, (low, high)], [*counts, cells]
         young = float(1e5 * 10 ** draw.uniform(-1, 1))
-        tables.append(entry("material", groups=[f"plate{k}"], young=young, poisson=float(draw.uniform(0, 0.35))))
+        tables.append(material(young, float(draw.uniform(0, 0.35)), groups=[f"plate{k}"]))
         if support == "loose":
             tables.append(entry("displacement", at=low.tolist(), **dict.fromkeys((f"u{a}" for a in axes[:-1]), 0.0)))
         else:
@@ -131,7 +119,7 @@ def random_plates(seed: int) -> tuple[str, Mesh]:
         if k > 1 or table:
             below = f"over{k - 1}" if k > 1 else "table"
             skins = (f"under{k}", below) if k == 1 or draw.random() < 0.5 else (below, f"under{k}")
-            tables.append(entry("contact", slave=skins[0], master=skins[1], initial=initial))
+            tables.append(contact(skins[0], skins[1], initial=initial))
     tables += [entry("rigid", group="table")] if table else []
     return case_text(model_of(dim), *tables), plates(boxes, counts, table=table)
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -32,7 +33,18 @@ from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import displacement_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring, sleeve
 from verification.records import Case, Family, Published, Result, at_most, equal, problem, rate, row
-from verification.solving import LevelSolution, balanced, case_text, convergence, entry, finished, fixed, solve
+from verification.solving import (
+    LevelSolution,
+    balanced,
+    case_text,
+    contact,
+    convergence,
+    entry,
+    finished,
+    fixed,
+    material,
+    solve,
+)
 
 Floats = NDArray[np.floating]
 Normals = Literal["facet", "smoothed"]
@@ -99,18 +111,11 @@ class PressFit:
 
 def mesh_of(given: PressFit, level: int, number: int = 0) -> Mesh:
     """The two bodies, not cut; of those that are irregular, one of a `number`."""
-    part = ring if given.dim == 2 else octant
-    within, around = (
-        part(
-            given.cell,
-            [n << level for n in given.counts[k]],
-            given.radii[k : k + 2],
-            jitter=given.jitter,
-            seed=100 * k + level + 1000 * number,
-        )
-        for k in (0, 1)
-    )
-    return pair(within, around, slave=given.slave)
+    part, parts = ring if given.dim == 2 else octant, []
+    for k, counts in enumerate(given.counts):
+        own, seed = [n << level for n in counts], 100 * k + level + 1000 * number
+        parts.append(part(given.cell, own, given.radii[k : k + 2], jitter=given.jitter, seed=seed))
+    return pair(parts[0], parts[1], slave=given.slave)
 
 
 def case_of(given: PressFit, surface: str = "smooth") -> str:
@@ -119,11 +124,8 @@ def case_of(given: PressFit, surface: str = "smooth") -> str:
     pressures = (("inner", given.pressure), ("outer", given.outside))
     return case_text(
         given.model,
-        *(entry("material", groups=[name], young=young, poisson=poisson) for name, young, poisson in bodies),
-        entry(
-            "contact", slave="slave", master="master", normals=given.normals, surface=surface,
-            clearance=-given.interference if given.interference else None, macro=given.macro,
-        ),
+        *(material(young, poisson, groups=[name]) for name, young, poisson in bodies),
+        contact(normals=given.normals, surface=surface, clearance=-given.interference or None, macro=given.macro),
         *(fixed(f"{axis}0", axis) for axis in "xyz"[: given.dim]),
         *(entry("pressure", group=group, value=value) for group, value in pressures if value),
     )  # fmt: skip
@@ -137,17 +139,14 @@ def solution(given: PressFit, level: int) -> LevelSolution:
     solved, exact = solve(case_of(given), mesh_of(given, level)), given.exact
     mesh, zone = solved.mesh, solved.zone
     off, axial = zone.pressure / exact.between - 1, given.model == "axisymmetric"
+    p = pressure_errors(mesh, zone.pressure, lambda x: np.full((len(x), 1), exact.between), axisymmetric=axial)
 
     def displacement(body: Body) -> float:
-        cells = mesh.cell_groups[body]
-        return displacement_error(
-            mesh, solved.u, lambda x: exact.displacement(x, body), cells=cells, axisymmetric=axial
-        )
+        cells, right = mesh.cell_groups[body], partial(exact.displacement, body=body)
+        return displacement_error(mesh, solved.u, right, cells=cells, axisymmetric=axial)
 
     errors = {
-        "pressure": pressure_errors(
-            mesh, zone.pressure, lambda x: np.full((len(x), 1), exact.between), axisymmetric=axial
-        ).exact,
+        "pressure": p.exact,
         "mean": float(abs((zone.area * off).sum() / zone.area.sum())),
         "displacement": max(displacement("within"), displacement("around")),
     }
@@ -168,10 +167,7 @@ def solve_case(given: PressFit, *, levels: int) -> Iterator[Result]:
 def _worst(p: Floats, right: float, allowed: float) -> Iterator[Result]:
     """Smallest and largest p_m on a mesh of the size of ssnp173a's, beside code_aster's."""
     reason = f"{allowed:g} of the pressure is what such a mesh allows; code_aster's is off by up to 1.7e-4"
-    for quantity, value, theirs in (
-        ("largest p_m", p.max(), 4.89487252903),
-        ("least p_m", p.min(), 4.89334316287),
-    ):
+    for quantity, value, theirs in (("largest p_m", p.max(), 4.89487252903), ("least p_m", p.min(), 4.89334316287)):
         published = (Published("code_aster, LAC", theirs, "ssnp173a of its validation suite, TRIA6"),)
         source = "Lame; code_aster's test file has 4.894178"
         yield equal(quantity, value, right, allowed * right, source=source, reason=reason, published=published)
@@ -188,23 +184,15 @@ _STRAIGHT = "constants on macro-elements and faceted bodies, the gap being that 
 
 def _rates(given: PressFit, solutions: Sequence[LevelSolution]) -> Iterator[Result]:
     """Rates of p_m, of the mean pressure and of u."""
-    curved = CELLS[given.cell].order == 2
-    for quantity, error, wanted, source, reason in (
-        (
-            "p_m in L2, rate", "pressure", 2.0 if curved else 0.9,
-            "order 2: p is constant, the geometry quadratic" if curved else "order 1, less what is not asymptotic",
-            _REASON[given.dim] if curved else _STRAIGHT,
-        ),
-        (
-            "mean p_m, rate", "mean", 2.0 if curved else 1.92,
-            "order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic", "",
-        ),
-        (
-            "displacement in L2, rate", "displacement", 2.45 if curved else 1.92,
-            "Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic", "",
-        ),
-    ):  # fmt: skip
-        yield rate(quantity, convergence(solutions, error), wanted, source=source, reason=reason, last=LAST)
+    curved, asked = CELLS[given.cell].order == 2, partial(rate, last=LAST)
+    source = "order 2: p is constant, the geometry quadratic" if curved else "order 1, less what is not asymptotic"
+    yield asked("p_m in L2, rate", convergence(solutions, "pressure"), 2.0 if curved else 0.9, source=source,
+                reason=_REASON[given.dim] if curved else _STRAIGHT)  # fmt: skip
+    source = "order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic"
+    yield asked("mean p_m, rate", convergence(solutions, "mean"), 2.0 if curved else 1.92, source=source)
+    source = "Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic"
+    table = convergence(solutions, "displacement")
+    yield asked("displacement in L2, rate", table, 2.45 if curved else 1.92, source=source)
 
 
 #: half the length of a hub; its part that counts as the middle
@@ -223,19 +211,15 @@ def solve_hub(cell: str, slave: Body, *, levels: int) -> Iterator[Result]:
     hub = sleeve(cell, (4, *turns[1], along), (20.0, 35.0), _HUB)
     planes = {"middle": "y" if axial else "z"} | ({} if axial else {"x0": "x", "y0": "y"})
     text = case_text(
-        "axisymmetric" if axial else "3d",
-        entry("material", young=210000.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", clearance=-0.02),
+        "axisymmetric" if axial else "3d", material(210000.0, 0.3), contact(clearance=-0.02),
         *(fixed(group, axis) for group, axis in planes.items()),
-    )
+    )  # fmt: skip
     solved = solve(text, pair(shaft, hub, slave=slave))
     fields = solved.fields.zones["slave"]
     middle = np.abs(fields.centre[:, 1 if axial else 2]) < _MIDDLE * _HUB
     p_m, recovered = (float(p[middle] @ fields.area[middle]) for p in (fields.pressure, fields.recovered))
-    yield at_most(
-        "recovered pressure in the middle, error of its mean", abs(recovered / p_m - 1), 0.005, source=_EVEN,
-        reason="edges have their own share of the force",
-    )  # fmt: skip
+    yield at_most("recovered pressure in the middle, error of its mean", abs(recovered / p_m - 1), 0.005, source=_EVEN,
+                  reason="edges have their own share of the force")  # fmt: skip
     yield from balanced([solved])
 
 
@@ -253,10 +237,8 @@ def solve_example(file: str) -> Iterator[Result]:
     """The press fit of a case of data/."""
     solved = finished(Problem.of(lacsolver.read_case(example(file))))
     fields = solved.fields.zones["fit"]
-    yield at_most(
-        "recovered pressure, means, relative error (rms)", _off(fields.recovered, fields.area), 0.05, source=_LAME,
-        reason="few flat faces that do not match; p_m alternate",
-    )  # fmt: skip
+    yield at_most("recovered pressure, means, relative error (rms)", _off(fields.recovered, fields.area), 0.05,
+                  source=_LAME, reason="few flat faces that do not match; p_m alternate")  # fmt: skip
     z = np.abs(fields.centre[:, 2] - fields.centre[:, 2].mean())
     share = fields.area / fields.area.sum()
     middle = np.where(z < _MIDDLE * z.max(), share, 0.0)

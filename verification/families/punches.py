@@ -9,7 +9,7 @@ import numpy as np
 from lacsolver import NotConvergedError
 from verification.meshes.punches import ABOVE, Punch, punched, random_punch
 from verification.records import Family, Result, at_most, problem, row
-from verification.solving import Solved, balanced, case_text, entry, fixed, model_of, solve
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 #: displacements that differ by more of the largest are those of another equilibrium
 OTHER = 1e-4
@@ -39,10 +39,8 @@ def solve_case(dim: int, slave: str, first: int = 0, two: int = 0, *, levels: in
         solutions += own
     off = max(d for d in apart if d <= OTHER)
     yield at_most("runs that end without an equilibrium", lost, 0, source=_ONE)
-    yield at_most(
-        "largest difference of displacements between numbers of steps, over the largest", off, 1e-8, source=_ONE,
-        reason="Newton's method ends at 1e-10 of forces and gaps",
-    )  # fmt: skip
+    yield at_most("largest difference of displacements between numbers of steps, over the largest", off, 1e-8,
+                  source=_ONE, reason="Newton's method ends at 1e-10 of forces and gaps")  # fmt: skip
     yield at_most("punches with two equilibria", sum(d > OTHER for d in apart), two, source=_ONE, reason=_TWO)
     yield from balanced(solutions)
 
@@ -53,14 +51,10 @@ def text(slave: str, punch: Punch, steps: int) -> str:
     master = {"top": "face", "face": "top"}[slave]
     motion = {f"u{axis}": 0.0 for axis in axes[:-1]} | {f"u{axes[-1]}": -punch.depth - ABOVE}
     return case_text(
-        model_of(punch.dim),
-        entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson),
-        entry("contact", slave=slave, master=master),
-        fixed("bottom", axes),
-        entry("rigid", group="punch", **motion),
-        entry("steps", count=steps),
+        model_of(punch.dim), material(1000.0, punch.poisson, law="neo_hookean"), contact(slave, master),
+        fixed("bottom", axes), entry("rigid", group="punch", **motion), entry("steps", count=steps),
         kinematics="finite",
-    )
+    )  # fmt: skip
 
 
 TEXT = """

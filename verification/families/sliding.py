@@ -21,7 +21,7 @@ from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Published, Result, at_least, at_most, informative, problem, row
-from verification.solving import Solved, balanced, case_text, entry, fixed, model_of, solve
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 Floats = NDArray[np.floating]
 
@@ -116,10 +116,9 @@ def slide(given: Slider, *, levels: int) -> Iterator[Result]:
         forces = np.array([step_figures(own.problem, state).contact["slave"].resultant for own, state in each])
         off = np.abs(forces - given.pressure * np.eye(given.dim)[-1]).max()
         yield at_most("error of p_m, worst of all steps", error, 1e-12, source=_EXACT, reason="rounding")
-        yield at_most(
-            "error of the contact force over the load, worst of all steps", off / given.pressure, 1e-10, source=_EXACT,
-            reason="the same; its part along the plate is the drag, which is zero",
-        )  # fmt: skip
+        yield at_most("error of the contact force over the load, worst of all steps", off / given.pressure, 1e-10,
+                      source=_EXACT,
+                      reason="the same; its part along the plate is the drag, which is zero")  # fmt: skip
     yield from balanced(solutions)
 
 
@@ -141,15 +140,11 @@ def slider_text(given: Slider) -> str:
         loads += [fixed("y0", "y")] * (given.dim - 2)
         loads.append(entry("pressure", group="top", value=[[0.0, 0.0], [1.0, given.pressure]]))
     return case_text(
-        model_of(given.dim),
-        entry("material", law="neo_hookean", young=given.young, poisson=given.poisson),
-        entry("contact", slave="slave", master="plate", normals=given.normals, macro=given.macro),
-        entry("rigid", group="plate"),
-        *loads,
-        entry("steps", end=whole, count=1 + given.steps),
-        entry("solver", tolerance=given.tolerance),
+        model_of(given.dim), material(given.young, given.poisson, law="neo_hookean"),
+        contact(master="plate", normals=given.normals, macro=given.macro), entry("rigid", group="plate"), *loads,
+        entry("steps", end=whole, count=1 + given.steps), entry("solver", tolerance=given.tolerance),
         kinematics="finite",
-    )
+    )  # fmt: skip
 
 
 # ---- a ring, and ironing
@@ -167,12 +162,10 @@ def drag(given: Dragged, *, levels: int) -> Iterator[Result]:
         name = f"pressure that alternates from face to face, over its peak{named}"
         yield at_most(name, swing, EVEN, source=_DESIGN, reason=_EVEN)
     if given.published is not None:
-        yield at_most(
-            f"Newton iterations, {len(solutions[-1].states)} steps", solutions[-1].iterations, given.published,
-            source="reference/peers.md: code_aster's LAC, 20 steps",
-            reason="alike and not the same: another law and another mesh",
-            published=(Published("code_aster, ssnp165c", given.published, "reference/peers.md"),),
-        )  # fmt: skip
+        theirs = Published("code_aster, ssnp165c", given.published, "reference/peers.md")
+        name, last = f"Newton iterations, {len(solutions[-1].states)} steps", solutions[-1].iterations
+        yield at_most(name, last, given.published, source="reference/peers.md: code_aster's LAC, 20 steps",
+                      reason="alike and not the same: another law and another mesh", published=(theirs,))  # fmt: skip
     if given.surface == "smooth":  # beside the gap between faces, on the same mesh and steps
         faces = dragged(replace(given, surface="faces"), given.sizes[0], given.steps[0])
         for name, own in (("between faces", faces), ("smooth", solutions[0])):
@@ -189,20 +182,14 @@ def dragged(given: Dragged, size: int, steps: int) -> Solved:
 
 def dragged_text(given: Dragged, steps: int) -> str:
     """The case of the body that is dragged in so many steps, as TOML."""
-    contact = {"normals": given.normals, "measure": given.measure, "surface": given.surface}
     return case_text(
         given.model,
-        *(
-            entry("material", groups=[group], law="neo_hookean", young=young, poisson=poisson)
-            for group, young, poisson in given.materials
-        ),
-        entry("contact", slave="slave", master="master", **contact),
+        *(material(young, poisson, groups=[group], law="neo_hookean") for group, young, poisson in given.materials),
+        contact(normals=given.normals, measure=given.measure, surface=given.surface),
         *(fixed(group, axes) for group, axes in given.held),
-        entry("displacement", group=given.moved, **dict(given.path)),
-        entry("steps", end=given.end, count=steps),
-        entry("solver", tolerance=given.tolerance),
-        kinematics="finite",
-    )
+        entry("displacement", group=given.moved, **dict(given.path)), entry("steps", end=given.end, count=steps),
+        entry("solver", tolerance=given.tolerance), kinematics="finite",
+    )  # fmt: skip
 
 
 # ---- what is measured

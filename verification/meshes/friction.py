@@ -52,9 +52,8 @@ def pulled_fit(kind: str, n: int) -> Mesh:
 
     Groups: `within`, `around` (cells), `slave` (of the shaft), `master`, `far_within`, `far_around`.
     """
-    shaft, hub = (np.linspace(*ends, n // 2 + 1) for ends in ((0.5, 1), (1, 2)))
-    within = piece(kind, [shaft, np.linspace(0, 1, n + 1)])
-    around = piece(kind, [hub, np.linspace(0, 1, n + 2)])
+    within = piece(kind, [np.linspace(0.5, 1, n // 2 + 1), np.linspace(0, 1, n + 1)])
+    around = piece(kind, [np.linspace(1, 2, n // 2 + 1), np.linspace(0, 1, n + 2)])
     return _fit(within, around, "x1", "x0")
 
 

@@ -27,11 +27,6 @@ DIE_3D, HALF, CROWN, START_3D = 1.0, 0.9, 0.06, -1.5
 IRONED_3D = (6.0, 1.5, 1.5)
 
 
-def plate_lines(faces: int) -> tuple[Floats, Floats]:
-    """Along x and y, of the skin that the slider of side 1 slides over."""
-    return np.linspace(-0.5, 3.5, faces + 1), np.linspace(-0.4, 1.4, 4)
-
-
 def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     """A unit block of cells of type `kind`, n a side, above a bare skin that is longer, of so many faces along x.
 
@@ -41,7 +36,8 @@ def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     dim = CELLS[kind].dim
     above = block(kind, n, (0.0,) * dim, (1.0,) * dim)
     names = {f"{'xyz'[dim - 1]}0": "slave", f"{'xyz'[dim - 1]}1": "top"}
-    points = box(*plate_lines(faces)[: dim - 1], np.zeros(1))
+    lines = np.linspace(-0.5, 3.5, faces + 1), np.linspace(-0.4, 1.4, 4)
+    points = box(*lines[: dim - 1], np.zeros(1))
     points[..., -1] = wave * (np.cos(2 * np.pi * points[..., 0] / 1.6) - 1)
     number = np.arange(points[..., 0].size).reshape(points.shape[:-1])
     plate = np.stack([number[1:, 0], number[:-1, 0]], axis=1) if dim == 2 else quadrangles(number[..., 0])

@@ -1,4 +1,4 @@
-"""Parts of the modules of direct backends: the triangle of a symmetric matrix, and a limit of threads.
+"""The triangle of a symmetric matrix, as the modules of direct backends take it.
 
 Each has a function `analyse(triangle, threads)`, which orders the elimination and returns a function of a triangle's
 values, `Factorise`. Its result is a function of right-hand sides, `Solve`.
@@ -7,10 +7,8 @@ values, `Factorise`. Its result is a function of right-hand sides, `Solve`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,23 +47,6 @@ class Triangle:
         """Number of rows of the matrix."""
         return len(self.indptr) - 1
 
-    @cached_property
-    def columns(self) -> Ints:
-        """Column of every entry, (nnz,)."""
-        return np.repeat(np.arange(self.n, dtype=self.indices.dtype), np.diff(self.indptr))
-
     def values(self, K: csr_array) -> Floats:
         """Return the values of the triangle of a matrix with the same pattern."""
         return K.data[self.taken]
-
-
-@cache
-def _controller() -> Any:
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()
-
-
-def limited(threads: int) -> AbstractContextManager[Any]:
-    """Return a context in which BLAS and OpenMP libraries loaded before the first call use `threads` cores."""
-    return _controller().limit(limits=threads)

@@ -34,6 +34,8 @@ from lacsolver.linear.vectors import Vectors
 _DEGREE = 2
 #: steps of Lanczos for the largest eigenvalue of D^-1 K, and the factor on their result, which is a lower bound
 _LANCZOS, _MARGIN = 10, 1.05
+#: energy of a direction, relative to the largest that its size allows, that is round-off
+_NO_ENERGY = 1e-13
 #: least number of rows of blocks for a thread
 _WORTH = 2000
 #: entries of a part of a long vector, which fits into a cache; least number of such parts for a thread
@@ -297,27 +299,36 @@ def jacobi(K: bsr_array, team: Team, halo: Halo = NO_HALO) -> tuple[NDArray[np.f
 
 
 def _largest(K: bsr_array, inverse: Floats, team: Team, halo: Halo) -> float:
-    """Return a lower bound of the largest eigenvalue of D^-1 K, by Lanczos from the conjugate gradient coefficients."""
+    """Return a lower bound of the largest eigenvalue of D^-1 K, by Lanczos from the conjugate gradient coefficients.
+
+    A direction without energy, as in a small body that nothing constrains, is the last one, with the quotient 0.
+    """
     r = np.random.default_rng(0).normal(size=len(inverse) * inverse.shape[1])
     p = z = _apply(inverse, r)
     rz, blocks = team.dot(r, z), Blocks.of(K)
-    alphas, betas = [], [0.0]
+    size, top = rz, 0.0  # p^T D p, and the largest quotient p^T K p / p^T D p
+    quotients, betas = [], [0.0]
     for _ in range(_LANCZOS):
+        if not rz > 0:
+            break
         Kp = team.product(blocks, extended(halo, p, K.shape[1]))
         energy = team.dot(p, Kp)
-        if not (energy > 0 and rz > 0):
+        top = max(top, energy / size)
+        if not energy > _NO_ENERGY * top * size:
+            quotients.append(0.0)
             break
-        alphas.append(rz / energy)
-        r = r - alphas[-1] * Kp
+        quotients.append(energy / rz)
+        r = r - Kp / quotients[-1]
         z = _apply(inverse, r)
         rz, before = team.dot(r, z), rz
         betas.append(rz / before)
         p = z + betas[-1] * p
-    if not alphas:
+        size = rz + betas[-1] ** 2 * size
+    if not any(quotients):
         return 1.0
-    a, b = np.array(alphas), np.array(betas[: len(alphas)])
-    main, side = 1 / a, np.sqrt(np.maximum(b[1:], 0)) / a[:-1]
-    main[1:] += b[1:] / a[:-1]
+    main, b = np.array(quotients), np.array(betas[: len(quotients)])
+    side = np.sqrt(np.maximum(b[1:], 0)) * main[:-1]
+    main[1:] += b[1:] * main[:-1]
     return float(np.linalg.eigvalsh(np.diag(main) + np.diag(side, 1) + np.diag(side, -1))[-1])
 
 
