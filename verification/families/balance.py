@@ -24,7 +24,7 @@ from lacmesh import Mesh
 from verification.meshes.blocks import bent, joined, nodes_of
 from verification.meshes.stacks import LAYERS, block, moved, stack, tower
 from verification.records import Case, Family, Rows, at_least, problem, row
-from verification.solving import balanced, case_text, entry, solve
+from verification.solving import balanced, case_text, entry, fixed, solve
 
 Floats = NDArray[np.floating]
 CellPairs = tuple[tuple[str, str], ...]
@@ -94,9 +94,9 @@ def text(given: Touch) -> str:
         given.model,
         entry("solver", threads=1),
         entry("material", law=law, young=YOUNG, poisson=POISSON),
-        *(entry("displacement", group=f"{a}0", **{f"u{a}": 0.0}) for a in "xy" if given.shape == "tower"),
+        *(fixed(f"{a}0", a) for a in "xy" if given.shape == "tower"),
         *(entry(given.joint, slave=f"slave{k}", master=f"master{k}", **dict(given.keys)) for k in zones),
-        entry("displacement", group="bottom", **{f"u{a}": 0.0 for a in axes}),
+        fixed("bottom", axes),
         entry("rigid", group="master", **down, rotation=_TURN[given.dim])
         if given.shape == "rigid"
         else entry("displacement", group="top", **top),

@@ -27,7 +27,7 @@ from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPH
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
 from verification.records import Family, Published, Rows, at_most, equal, informative, problem, row
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, solve
 
 Floats = NDArray[np.floating]
 
@@ -90,9 +90,9 @@ def _cylinder_text(geometry: str) -> str:
         "plane_strain",
         *(entry("material", groups=[group], young=young, poisson=POISSON)
           for group, young in (("upper", STEEL), ("lower", ALLOY))),
-        entry("contact", slave="slave", master="master", geometry=geometry, surface="smooth"),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0),
-        entry("displacement", group="x0", ux=0.0),
+        contact(geometry=geometry, surface="smooth"),
+        fixed("bottom", "xy"),
+        fixed("x0", "x"),
         entry("displacement", group="top", uy=-PUSH),
     )  # fmt: skip
 
@@ -105,11 +105,11 @@ def solve_spheres(cell: str, twin: str, stress: tuple[float, float], iterations:
     """
     text = case_text(
         "axisymmetric",
-        entry("material", young=SPHERE, poisson=POISSON),
-        entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
+        material(SPHERE, POISSON),
+        contact(normals="smoothed", geometry="current",
               surface="faces"),  # as code_aster's are
         entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
-        entry("displacement", group="axis", ux=0.0), entry("steps", count=STEPS),
+        fixed("axis", "x"), entry("steps", count=STEPS),
     )  # fmt: skip
     every, reference = [], PROFILES["spheres"]
     exact = -reference.shape[0] * Hertz.round(reference.force).peak

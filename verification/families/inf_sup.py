@@ -35,7 +35,7 @@ from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
 from verification.records import Case, Family, Level, Rows, at_least, at_most, informative, levels_of, problem, row
-from verification.solving import Solved, balanced, case_text, entry, model_of
+from verification.solving import Solved, balanced, case_text, entry, fixed, material, model_of
 from verification.solving import solve as solved
 
 Floats = NDArray[np.floating]
@@ -242,11 +242,11 @@ def case_of(given: Pressed) -> str:
     up = axes[-1]
     return case_text(
         model_of(given.dim),
-        entry("material", young=YOUNG, poisson=POISSON),
+        material(YOUNG, POISSON),
         entry("contact", name="foot", slave=f"{up}0", master="master"),
         entry("rigid", group="master"),
-        *(entry("displacement", group=f"{a}{end}", **{f"u{a}": 0.0}) for a in axes[:-1] for end in "01"),
-        entry("displacement", group="rim", **{f"u{up}": 0.0}),
+        *(fixed(f"{a}{end}", a) for a in axes[:-1] for end in "01"),
+        fixed("rim", up),
         entry("pressure", group=f"{up}1", value=f"1 + {LOAD} * cos(pi * x)"),
         entry("solver", threads=1),
     )

@@ -22,7 +22,7 @@ from verification.meshes.blocks import block, joined, nodes_of, with_master
 from verification.meshes.half_spaces import half_spaces, piece
 from verification.meshes.rings import ring
 from verification.records import Case, Rows, at_least, at_most, equal, problem, rate, row
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, fixed, solve
 
 Floats = NDArray[np.floating]
 
@@ -45,7 +45,7 @@ def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) ->
     sphere, solutions = Sphere(1.0, 2.0, front, 500.0, 0.3, 1.0), []
     for n in (4 * 2**k for k in range(levels)):
         text = case_text(
-            "axisymmetric", metal(), entry("displacement", group="y0", uy=0.0),
+            "axisymmetric", metal(), fixed("y0", "y"),
             entry("pressure", group="low", value=sphere.pressure), entry("steps", count=3),
         )  # fmt: skip
         solved = solve(text, ring(cell, (n, 2 * n), (1.0, 2.0)))
@@ -86,7 +86,7 @@ def solve_tube(cell: str, asked: float, *, levels: int) -> Rows:
         out = [f"0.5 * t * {axis} / sqrt(x**2 + y**2)" for axis in "xy"]
         text = case_text(
             "plane_strain", metal(young, poisson, hardening=[[1.0, 0.0], [21.0, 10.0]], kinematic=1.0),
-            entry("displacement", group="x0", ux=0.0), entry("displacement", group="y0", uy=0.0),
+            fixed("x0", "x"), fixed("y0", "y"),
             entry("displacement", group="low", ux=out[0], uy=out[1]), entry("steps", count=10), kinematics="finite",
         )  # fmt: skip
         solved = solve(text, ring(cell, (n, n), (1.0, 2.0)))
@@ -123,8 +123,8 @@ def _punched(faces: int) -> LevelSolution:
     aside = np.concatenate([np.linspace(0, 1, faces + 1), 1 + lines(reach - 1, h, 4 * h, 1.15)[1:]])
     text = case_text(
         "plane_strain", metal(1000.0), entry("contact", slave="top", master="master"),
-        entry("displacement", group="axis", ux=0.0), entry("displacement", group="side", ux=0.0),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0),
+        fixed("axis", "x"), fixed("side", "x"),
+        fixed("bottom", "xy"),
         entry("rigid", group="master", ux=0.0, uy=-0.024), entry("steps", count=6),
     )  # fmt: skip
     solved = solve(text, _on_rigid(aside, -lines(reach - 1, h, 1.0, 1.15)[::-1], 1.0))
@@ -181,7 +181,7 @@ def solve_ball(faces: int = 24, young: float = 2000.0, *, levels: int) -> Rows:
     text = case_text(
         "axisymmetric", metal(young),
         entry("contact", slave="top", master="master", clearance="x**2 / 20"),
-        entry("displacement", group="bottom", uy=0.0), entry("rigid", group="master", uy=-0.05),
+        fixed("bottom", "y"), entry("rigid", group="master", uy=-0.05),
         entry("steps", count=6),
     )  # fmt: skip
     solved = solve(text, _on_rigid(lines(reach, h, 1.4, 1.2), -lines(reach, h, 1.5, 1.2)[::-1], 3.0))
@@ -208,8 +208,8 @@ def solve_cycles(cell: str = "QUAD8", *, levels: int) -> Rows:
     young, limit, modulus = 1000.0, 2.0, 50.0
     table = [[0.0, 0.0]] + [[float(k + 1), 0.01 * (-1) ** k] for k in range(6)]
     text = case_text(
-        "plane_stress", metal(young, 0.3, limit, kinematic=modulus), entry("displacement", group="x0", ux=0.0),
-        entry("displacement", group="y0", uy=0.0), entry("displacement", group="y1", uy=table),
+        "plane_stress", metal(young, 0.3, limit, kinematic=modulus), fixed("x0", "x"),
+        fixed("y0", "y"), entry("displacement", group="y1", uy=table),
         entry("steps", end=6.0, count=6),
     )  # fmt: skip
     solved = solve(text, block(cell, 3, (0.0, 0.0), (1.0, 1.0)))

@@ -26,7 +26,7 @@ from lacmesh import Mesh
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Published, Result, Rows, at_most, problem, row
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, material, solve
 
 Floats = NDArray[np.floating]
 Pairs = tuple[tuple[str, str], ...]
@@ -108,7 +108,7 @@ def text(given: Press) -> str:
     return case_text(
         "axisymmetric" if given.model == "ring" else given.model,
         entry("solver", threads=1),
-        entry("material", young=YOUNG, poisson=POISSON),
+        material(YOUNG, POISSON),
         entry(given.joint, slave="slave", master="master", **dict(given.contact)),
         *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in supports),
         entry("pressure", group="top", value=PRESSURE),

@@ -29,7 +29,7 @@ from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
 from verification.records import Case, Family, Result, Rows, at_most, levels_of, problem, row
-from verification.solving import case_text, entry
+from verification.solving import case_text, contact, entry, fixed, material
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
 LINEAR = 1.05
@@ -137,9 +137,9 @@ def text() -> str:
     return case_text(
         "3d",
         entry("solver", threads=1),
-        entry("material", young=1e3, poisson=0.3),
-        entry("contact", slave="slave", master="master", clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0),
+        material(1e3, 0.3),
+        contact(clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
+        fixed("bottom", "xyz"),
         entry("displacement", group="top", ux=0.0, uy=0.0, uz=-0.002),
     )
 
