@@ -15,8 +15,8 @@ from functools import partial, wraps
 from inspect import signature
 from typing import Any, Literal
 
+from verification.charts import Plot
 from verification.measures.rates import fitted, pairwise
-from verification.pages.charts import Plot
 
 #: each has the cases of those before it
 SUITES = ("quick", "full", "all")
@@ -118,6 +118,7 @@ class Picture:
     title: str
     alt: str
     png: bytes
+    __pydantic_config__ = {"val_json_bytes": "base64"}  # how the folder of a run keeps the bytes
 
 
 @dataclass(frozen=True)

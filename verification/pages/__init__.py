@@ -1,1 +1,1 @@
-"""Pages of the verification's report: blocks in HTML and in Markdown, charts as SVG, pages with a list of them."""
+"""The former place of `verification.charts`."""
