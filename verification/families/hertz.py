@@ -36,7 +36,6 @@ THEOREM = (
     "Abbas, Drouet and Hild 2018, Theorem 1: h for linear cells, h^(3/2) for quadratic ones as u is of H^s, s < 5/2"
 )
 EDGE = "the square-root edge of p: means over macro-elements come to no more than h sqrt(log 1/h)"
-_BEST = "the best that constants do"
 _EDGES = "it rises to 1 as h falls; that of the exact pressure's own means, the best that constants do, stands below"
 _SHAPE = (
     "L2 over the slave, finest level; near the edge of contact the recovered pressure is the root of a parabola fitted "
