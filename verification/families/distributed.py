@@ -275,7 +275,7 @@ def _cases() -> Iterator[Case]:
     yield _case("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
     yield _case("floating-2d", f"{floats}, 2d", plane)
     yield _case("floating-3d", f"{floats}, 3d", solid)
-    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", three)
+    yield _case("tower-small", "three blocks, two zones, the middle one fixed by contact alone", three)
     yield _case("tower-finite", "the same, finite kinematics", replace(three, kinematics="finite"), 90.0)
     for name, words, ranks in (
         ("bars", "a bar hits another, 2d", FEW),

@@ -1,4 +1,4 @@
-"""Hertz's contact against its own solution: half-spaces, of which the mesh is a piece that is held as they are.
+"""Hertz's contact against its own solution: half-spaces, of which the mesh is a piece.
 
 Two elastic half-spaces, or one on a rigid plane, flat, with the clearance `r^2 / 2R`: Hertz's own problem, small
 strains, geometry of the undeformed surfaces. On the outer sides of the mesh the displacements of the half-spaces are
@@ -215,7 +215,7 @@ def outcome(given: Given, title: str, *, levels: int) -> Rows:
     """Solve a case on its levels: rates and figures of the errors."""
     solutions = [solve_level(given, level) for level in range(levels)]
     of, finest = partial(convergence, solutions), solutions[-1].errors
-    beside = "beside the rates that theory gives: none is asked of it"
+    beside = "beside the rates that theory gives: no bound"
     yield rate("u, energy norm", of("energy"), (0.95, 1.4)[given.order - 1], source=THEOREM)
     yield rate("u, L2", of("u"), None, source="", reason=beside)
     yield rate("p_m, L2", of("p_m"), 0.9, source=EDGE, reason=_EDGES)

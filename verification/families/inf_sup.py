@@ -30,7 +30,7 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.measures.inf_sup import constant, held
+from verification.measures.inf_sup import constant, in_body
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
@@ -77,10 +77,10 @@ class Skin:
 
 @dataclass(frozen=True)
 class Pressed:
-    """A block [0, 1]^dim on a rigid plane, pressed on top by 1 + LOAD cos(pi x), its sides held along their normal.
+    """A block [0, 1]^dim on a rigid plane, pressed on top by 1 + LOAD cos(pi x), its sides fixed along their normal.
 
     Nodes are moved at random, but stay in the sides that they are in, by up to `jitter` of a cell; the slave's rim is
-    held down.
+    fixed.
     """
 
     kind: str
@@ -152,7 +152,7 @@ def constants(given: Skin, n: int) -> Constants:
     internal = lacmesh.Cut(matrices.mesh).macro_of_node >= 0
     cut = constant(matrices, rim), constant(matrices, free)
     without = cut
-    inner, unknowns = constant(matrices, internal & rim), given.dim * int((rim & held(matrices.mesh)).sum())
+    inner, unknowns = constant(matrices, internal & rim), given.dim * int((rim & in_body(matrices.mesh)).sum())
     if given.kind not in WHOLE:
         matrices = lacsolver.contact_matrices(uncut(mesh, slave), slave, "master")
         rim, free = _moving(matrices.mesh)
@@ -232,7 +232,7 @@ def pressed(given: Pressed, n: int, *, cut: bool = True) -> Solved:
     mesh, slave = block_of(given, n), _slave(given.dim)
     mesh = lacmesh.cut_skin(mesh, slave, hexa=given.hexa).mesh if cut else uncut(mesh, slave)
     down = np.abs(mesh.points[:, given.dim - 1]) < 1e-9
-    rim = np.flatnonzero(~_moving(mesh)[0] & down & held(mesh))
+    rim = np.flatnonzero(~_moving(mesh)[0] & down & in_body(mesh))
     return solved(case_of(given), replace(mesh, node_groups={"rim": rim}))
 
 

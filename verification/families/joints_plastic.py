@@ -38,8 +38,8 @@ def metal(young: float = 500.0, poisson: float = 0.3, limit: float = 1.0, **more
 
 
 @problem
-def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) -> Rows:
-    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `asked`: rate of u in L2. Load a sphere
+def solve_sphere(cell: str, bound: float, front: float = 1.5, *, levels: int) -> Rows:
+    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `bound`: rate of u in L2. Load a sphere
     in three steps on finer and finer meshes.
     """
     sphere, solutions = Sphere(1.0, 2.0, front, 500.0, 0.3, 1.0), []
@@ -56,7 +56,7 @@ def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) ->
             LevelSolution(solved, 1 / n, {"u": float(np.sqrt(((u - exact) ** 2).sum() / (exact**2).sum()))})
         )
     source = f"{HILL}; the front of the plastic zone is on a line of nodes, so that u is smooth in each cell"
-    yield rate("u at the nodes", convergence(solutions, "u"), asked, source=source)
+    yield rate("u at the nodes", convergence(solutions, "u"), bound, source=source)
     yield at_most("iterations of a step", max(s.iterations for s in solutions[-1].solved.states), 7, source="Newton")
     name = "residual after an iteration, less round-off, over the square of that before, where this is below 0.05"
     source = "the consistent tangent: Newton's method is quadratic"
@@ -76,8 +76,8 @@ def _quadratic(solution: LevelSolution) -> float:
 
 
 @problem
-def solve_tube(cell: str, asked: float, *, levels: int) -> Rows:
-    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `asked`: relative error. Open a tube
+def solve_tube(cell: str, bound: float, *, levels: int) -> Rows:
+    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `bound`: relative error. Open a tube
     by half its radius; the pressure is that of the reactions on its inner side.
     """
     young, poisson, errors = 500.0, 0.4999, []
@@ -92,7 +92,7 @@ def solve_tube(cell: str, asked: float, *, levels: int) -> Rows:
         solved = solve(text, ring(cell, (n, n), (1.0, 2.0)))
         errors.append(abs(_pressure_inside(solved) / (exact * 1.5) - 1))
     source = "quadrature of the balance of forces of an incompressible tube; poisson is 0.4999 here"
-    yield at_most("relative error of the pressure", errors[-1], asked, source=source)
+    yield at_most("relative error of the pressure", errors[-1], bound, source=source)
 
 
 def _pressure_inside(solved: Solved) -> float:
@@ -227,9 +227,9 @@ def solve_cycles(cell: str = "QUAD8", *, levels: int) -> Rows:
 
 def cases(family: str) -> Iterator[Case]:
     """The cases."""
-    for cell, asked in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
+    for cell, bound in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
         name, words = f"yielding_sphere_{cell.lower()}", f"thick sphere that yields in part, {cell}"
-        yield row(family, name, words, solve_sphere, cell, asked, quick=3 * (cell == "QUAD4"), full=4, seconds=10.0)
+        yield row(family, name, words, solve_sphere, cell, bound, quick=3 * (cell == "QUAD4"), full=4, seconds=10.0)
     for cell, levels in (("QUAD4", 3), ("TRIA6", 2)):
         name, words = f"opened_tube_{cell.lower()}", f"tube opened by half its radius, finite strains, {cell}"
         yield row(family, name, words, solve_tube, cell, 1e-3, full=levels, seconds=12.0)
