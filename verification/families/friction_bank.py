@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,9 +166,9 @@ def solve_bank(cells: tuple[str, ...], dim: int, *, levels: int) -> Iterator[Res
 def solve_units(cell: str, dim: int, *, levels: int) -> Iterator[Result]:
     """Numbers of iterations of problems of the bank, in these and in other units of length and of stress."""
 
-    def iterations(*each: Any) -> Iterator[list[int]]:
+    def iterations(friction: float, severity: float, seed: int) -> Iterator[list[int]]:
         for unit, stress in ((1.0, 1.0), (1e3, 1e-6)):
-            steps = march(Problem.of(case_of(dim, *each, unit=unit, stress=stress), mesh_of(cell, dim, unit)))
+            steps = march(Problem.of(case_of(dim, friction, severity, seed, unit, stress), mesh_of(cell, dim, unit)))
             counts: list[int] = []
             try:
                 counts.extend(state.iterations for state in steps)
