@@ -62,7 +62,6 @@ def main() -> None:
         picture(nut, FIGURES / "nut.png", camera=(0.25, 0.75, 1.0), cutaway=(0, 0, 1), title=title)
         source = lacmesh.read(ROOT / "data" / "two_blocks.msh")
         blocks = lacmesh.cut_skin(source, "slave").mesh
-        picture(blocks, FIGURES / "two_blocks.png")
         size = (1280, 800)
         values = cell_values(blocks)
         picture(

@@ -217,7 +217,7 @@ def test_targets_are_listed_and_quick_runs_tests_of_every_folder():
     table = re.findall(r"^\| `make (\w+)` \|", (REPOSITORY / "CONTRIBUTING.md").read_text(), re.MULTILINE)
     assert sorted([*table, "help", "install"]) == sorted(helped)
     assert sorted(re.search(r"^\.PHONY: (.+)$", MAKEFILE, re.MULTILINE)[1].split()) == sorted(helped)
-    overview = (REPOSITORY / "docs" / "overview.md").read_text(encoding="utf-8")
+    overview = (REPOSITORY / "docs" / "README.md").read_text(encoding="utf-8")
     assert {*re.findall(r"^make (\w+)", README + overview, re.MULTILINE)} <= {*helped}
     # as typed by hand: under `make test` the names of folders would be printed beside the command
     env = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any
 
-from drawing.architecture import tree
 from drawing.measures import own_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
@@ -73,27 +71,6 @@ def families_table() -> Iterator[str]:
         )
 
 
-def types_table() -> Iterator[str]:
-    """Every type: what its nodes are."""
-    yield from _head(
-        "type", "dimension >", "order >", "nodes >", "corners", "mid-nodes", "centres of faces (node: corners)",
-        "own centre", "facets", "gmsh's number",
-    )  # fmt: skip
-    for c in CELLS.values():
-        mids = [n for n, on in enumerate(c.corners_of_node) if len(on) == 2 and n >= c.n_corners]
-        rest = [n for n in range(c.n_nodes) if n >= c.n_corners and n not in mids]
-        own = [n for n in rest if len(c.corners_of_node[n]) == c.n_corners]
-        centres = ", ".join(f"{n}: {_digits(c.corners_of_node[n])}" for n in rest if n not in own)
-        facets = [f.type for f in c.facets]
-        kinds = ", ".join(f"{facets.count(t)} {t}" for t in dict.fromkeys(facets))
-        if c.dim == 1:  # a segment's mid-node is its centre: one name is enough
-            own = [n for n in own if n not in mids]
-        yield (
-            f"| {c.name} | {c.dim} | {c.order} | {c.n_nodes} | {_span(range(c.n_corners))} | {_span(mids)} | {centres} "
-            f"| {_span(own)} | {kinds} | {c.msh or 'none'} |"
-        )
-
-
 def suffixes_table() -> Iterator[str]:
     """Every format, and the suffixes that mean it."""
     yield from _head("format", "suffixes", "options of `lacmesh.write`")
@@ -136,19 +113,11 @@ def _digits(nodes: tuple[int, ...]) -> str:
     return "-".join(str(n) for n in nodes)
 
 
-def _span(nodes: Any) -> str:
-    nodes = list(nodes)
-    if len(nodes) < 2:
-        return "".join(str(n) for n in nodes)
-    return f"{nodes[0]} to {nodes[-1]}"
-
-
 #: page -> the tables that stand in it, by the name of their markers
 TABLES = {
-    "architecture.md": {"tree": tree},
     "cut.md": {"counts": counts_table, "integrals": integrals_table},
     "case.md": {name: table.splitlines for name, table in page_tables().items()},
-    "conventions.md": {"families": families_table, "types": types_table},
+    "conventions.md": {"families": families_table},
     "formats.md": {
         "suffixes": suffixes_table,
     },

@@ -1,6 +1,6 @@
 """Run the commands of the tutorials as their pages stand, and keep the pictures they make beside the pages.
 
-python docs/tutorials/run.py        needs gmsh, pyvista and CalculiX; writes docs/tutorials/*.png
+python docs/tutorials/run.py        needs gmsh, pyvista and scikit-fem; writes docs/tutorials/*.png
 """
 
 from __future__ import annotations
@@ -23,19 +23,7 @@ from lacsolver.cli import main as lacsolver
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
-PAGES = (
-    "bolt_script.md",
-    "flange.md",
-    "friction.md",
-    "from_calculix.md",
-    "gmsh_script.md",
-    "impact.md",
-    "own_mesh.md",
-    "own_solver.md",
-    "p0_mortar.md",
-    "pin_in_lug.md",
-    "step_to_med.md",
-)
+PAGES = ("first_run.md", "flange.md", "friction.md", "own_mesh.md", "pin_in_lug.md", "step_to_med.md")
 
 
 class Command(NamedTuple):
@@ -62,28 +50,12 @@ def commands(page: Path) -> list[Command]:
 
 
 def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
-    """Run the commands of a page in a folder that has what of the checkout they name; each with what it printed.
+    """Run the commands of a page in a folder that has the data and the scripts; each with what it printed.
 
     A block of TOML is there as well, in the file that its first line names.
     """
-    of_pages = (
-        "bolt_forces",
-        "bolt_script",
-        "stick_and_slip",
-        "from_calculix",
-        "gmsh_script",
-        "own_mesh",
-        "half_width",
-        "own_solver",
-        "p0_mortar",
-    )
-    scripts = [f"docs/tutorials/{name}.py" for name in of_pages]
-    impacts = [f"data/impact/{name}.{end}" for name in ("bar_on_wall", "dropping_ball") for end in ("msh", "toml")]
-    rubbed = [f"data/friction/{name}.{end}" for name in ("clamp", "cylinders") for end in ("msh", "toml")]
-    rubbed += ["data/flange/flange.msh", "data/flange/flange.toml"]
-    for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *impacts, *rubbed, *scripts):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, folder / name)
+    shutil.copytree(ROOT / "data", folder / "data", dirs_exist_ok=True)
+    shutil.copytree(HERE, folder / "docs" / "tutorials", dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.png"))
     for case in blocks(page, "toml"):
         (folder / case.split()[1]).write_text(case, encoding="utf-8")
     for command in commands(page):
@@ -91,12 +63,16 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
             yield command, run(command.words)
 
 
+def pictures(page: Path) -> list[str]:
+    """The pictures that a page shows and that its commands make: those beside it."""
+    return re.findall(r"!\[[^\]]+\]\(([^)\s/]+\.png)\)", page.read_text(encoding="utf-8"))
+
+
 def run(words: list[str]) -> str:
-    """Run `lacmesh`, `lacsolver`, `python` or `ccx`; what it printed. Raises SystemExit where it fails."""
+    """Run `lacmesh`, `lacsolver` or `python`; what it printed. Raises SystemExit where it fails."""
     program, *rest = words
-    if program in ("python", "ccx"):
-        program = sys.executable if program == "python" else program
-        return subprocess.run([program, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
+    if program == "python":
+        return subprocess.run([sys.executable, *rest], stdout=subprocess.PIPE, text=True, check=True).stdout
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         status = PROGRAMS[program](rest)
@@ -111,8 +87,8 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             for command, printed in run_page(HERE / page, Path(folder)):
                 print(f"$ {shlex.join(command.words)}\n{printed}")
-            for picture in Path(folder).glob("*.png"):
-                shutil.copy(picture, HERE)
+            for picture in pictures(HERE / page):
+                shutil.copy(Path(folder, picture), HERE)
 
 
 if __name__ == "__main__":

@@ -98,6 +98,8 @@ def first_page() -> str:
     ]
     for heading, pages in sections():
         names = [TITLES.get(name, name.removesuffix(".md")) for name in pages] + list(MADE.get(heading, ()))
+        if not names:
+            continue
         lines += ["```{toctree}", ":hidden:", f":caption: {heading}", "", *names, "```", ""]
     return "\n".join([*lines, *_directory()])
 
