@@ -18,8 +18,9 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from tests.samples import each_option
 from tests.verification import mutations
+from tests.verification.projections import gauss_seidel
 from tests.verification.test_exact import hooke
-from verification.exact.coulomb import gauss_seidel, lemke, tresca
+from verification.exact.coulomb import lemke, tresca
 from verification.families import cases as cases_of
 from verification.families import (
     curved,
