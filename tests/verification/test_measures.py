@@ -196,7 +196,9 @@ def test_the_exact_solution_of_hertz_has_no_error():
     assert finer_energy < 0.45 * energy < 0.02 and finer_u < 0.25 * u < 1e-3
 
 
-def test_outer_sides_of_hertz():
+def test_half_width_and_outer_sides_of_hertz():
+    x = np.linspace(0.01, 0.99, 50)
+    assert hertz.half_width(np.column_stack([x, 0 * x]), np.sqrt(1 - x**2), 1.0) == pytest.approx(1.0)
     groups = [held.group for held in hertz.case_of(given("3d", "TETRA4")).displacement]
     assert groups == ["axis_x", "axis_y", "far_upper", "far_lower"]
 

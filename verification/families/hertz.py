@@ -25,6 +25,7 @@ from lacmesh.cells import CELLS
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
+from verification.measures.edge import edge_of_contact
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.records import Case, Family, Rows, at_most, informative, problem, rate, row
@@ -208,6 +209,11 @@ def displacement_errors(given: Given, solved: Solved) -> tuple[float, float]:
                 total += norms.energy(e, at.w, body.young, body.poisson), norms.squared(v, at.w)
     energy, norm = np.sqrt(off / whole).tolist()
     return energy, norm
+
+
+def half_width(centre: Floats, p: Floats, p0: float) -> float:
+    """Half-width of contact, from the means p_m (n,) in its outer half."""
+    return edge_of_contact(np.linalg.norm(centre[:, :-1], axis=1), p, p0, 0.5)
 
 
 @problem
