@@ -182,15 +182,15 @@ def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> 
 
     `gap`: (n,) at points (n, 3) of the slave, in the coordinates of the mesh, along its normals there (n, 3).
     """
-    (joint,), asked = problem.joints, []
+    (joint,), places = problem.joints, []
 
     def none(x: Floats, t: float) -> Floats:
-        asked.append(x + problem.space.origin)
+        places.append(x + problem.space.origin)
         return np.zeros(len(x))
 
     pairing = replace(joint.pairing, clearance=none)
     points = integrate(joint.zone, problem.space.dim, pairing).points
-    missing = gap(asked[0], points.normal) - points.gap
+    missing = gap(places[0], points.normal) - points.gap
     return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
 
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from tests.verification.projections import gauss_seidel
 from tests.verification.test_exact import divergence, gradient, hooke, stress_of
 from verification.exact import impact
 from verification.exact.cattaneo import Cylinders, pressure, shear
-from verification.exact.coulomb import Condensed, complementary, gauss_seidel, lemke, tresca
+from verification.exact.coulomb import Condensed, complementary, lemke, tresca
 from verification.exact.crack import Crack
 from verification.exact.fits import SlidingFit
 from verification.exact.half_plane import Ellipse

@@ -1,9 +1,15 @@
 """Balance of the contact forces on slave and master, in problems that are hard on it.
 
-Exact: action and reaction. The forces of both sides come from one rule, at the same points and along the same normal,
-so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their moment,
-since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a tie has
-the moment_arm of the gap in it.)
+What the slave gets the master gives. The forces of both sides come from one rule, at the same points and along the same
+normal, so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their
+moment, since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a
+tie has the moment arm of the gap in it.)
+
+Here skins are curved, warped, overhanging or rigid, non-matching and distorted, with facet and smoothed normals, on the
+undeformed and on the deformed bodies, under small and finite kinematics, with unilateral and bilateral contact, ties
+and several zones. Every other case with contact of this report has the same two results. They are relative to the sum
+of the sizes of the forces, and of the forces times their arms; in axisymmetry radial forces and moments balance all
+round, and the axial resultant alone is given.
 """
 
 from __future__ import annotations
@@ -16,9 +22,9 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from verification.meshes.blocks import bent, joined, nodes_of
-from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
+from verification.meshes.stacks import LAYERS, block, moved, stack, tower
 from verification.records import Case, Family, Rows, at_least, problem, row
-from verification.solving import balanced, case_text, entry, solve
+from verification.solving import balanced, case_text, entry, fixed, solve
 
 Floats = NDArray[np.floating]
 CellPairs = tuple[tuple[str, str], ...]
@@ -88,9 +94,9 @@ def text(given: Touch) -> str:
         given.model,
         entry("solver", threads=1),
         entry("material", law=law, young=YOUNG, poisson=POISSON),
-        *(entry("displacement", group=f"{a}0", **{f"u{a}": 0.0}) for a in "xy" if given.shape == "tower"),
+        *(fixed(f"{a}0", a) for a in "xy" if given.shape == "tower"),
         *(entry(given.joint, slave=f"slave{k}", master=f"master{k}", **dict(given.keys)) for k in zones),
-        entry("displacement", group="bottom", **{f"u{a}": 0.0 for a in axes}),
+        fixed("bottom", axes),
         entry("rigid", group="master", **down, rotation=_TURN[given.dim])
         if given.shape == "rigid"
         else entry("displacement", group="top", **top),
@@ -117,7 +123,7 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
     if given.shape == "rigid":
         axis = "xyz"[up]
         lower, upper = (block(kind, (*(n,) * up, LAYERS), skew=0.05) for kind, n in ((slave, 3), (master, 2)))
-        face = skin(moved(upper, shift=np.eye(3)[up]), f"{axis}0")
+        face = moved(upper, shift=np.eye(3)[up]).only(f"{axis}0")
         return joined([(lower, {f"{axis}0": "bottom", f"{axis}1": "slave"}), (face, {f"{axis}0": "master"})])
     mesh = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
     x = mesh.points.copy()
@@ -186,15 +192,4 @@ def _cases() -> Iterator[Case]:
         yield _case(f"tower-{kinematics}", f"three blocks, two zones, {kinematics} kinematics", three, 5.0)
 
 
-FAMILY = Family(
-    "balance",
-    "Balance of forces",
-    "What the slave gets the master gives: the resultant of the contact forces on both, and their moment, must vanish "
-    "to rounding on any skins. Here they are curved, warped, overhanging or rigid, non-matching and distorted, with "
-    "facet and smoothed normals, on the undeformed and on the deformed bodies, under small and finite kinematics, with "
-    "unilateral and bilateral contact, ties and several zones. Every other case with contact of this report has the "
-    "same two results.\n\n"
-    "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
-    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
-    tuple(_cases()),
-)
+FAMILY = Family("balance", "Balance of forces", __doc__.partition("\n\n")[2], tuple(_cases()))

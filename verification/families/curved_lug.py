@@ -37,8 +37,6 @@ _USED = (
     "stiffer than TETRA10, lack more of the number, as much as these, give or take two macro-elements"
 )
 _EDGE = "the goal of stars; the exact pressure at the edges is infinite, so that fewer pressures are lower there"
-
-
 #: largest errors of the number of macro-elements and of the pressure
 _CLOSED, _PRESSURE = 0.10, 0.15
 

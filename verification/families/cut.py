@@ -1,8 +1,14 @@
 """The cut of the slave skin: what must hold of the cut mesh, counted for every type, facet, turn and variant.
 
-Exact: children fill their parent, the mesh conforms, every macro-element owns an internal dof, nothing is lost (Abbas,
-Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018; code_aster R5.03.55, 3.1). The properties are counted by
-`verification.measures.cutting`, from the two meshes; the verdict of `lacmesh.check` stands beside them.
+Every type of cell is cut by each of its facets, listed from each corner and both ways round, in each variant, and in
+the full suite by every set of its facets; blocks of every kind are cut by two sides that meet and, in the full suite,
+by faces between two cells. What must hold is counted from the meshes before and after: children fill their parent and
+are positive, the mesh conforms, what was not cut is unchanged, the children of a slave face stand in order and face as
+it did, every macro-element owns an internal dof, groups, numbers and data follow, and the order of cells and groups
+does not matter (Abbas, Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018; code_aster R5.03.55, 3.1). The
+verdict of `lacmesh.check` stands beside.
+
+Totals of cells and nodes are compared with those of code_aster's own test.
 """
 
 from __future__ import annotations
@@ -316,15 +322,4 @@ def _cases() -> Iterator[Case]:
     yield row("cut", "counts", words, compare_counts, _ROWS, quick=1, seconds=1.0)
 
 
-FAMILY = Family(
-    "cut",
-    "The cut",
-    "Every type of cell is cut by each of its facets, listed from each corner and both ways round, in each variant, "
-    "and in the full suite by every set of its facets; blocks of every kind are cut by two sides that meet and, in "
-    "the full suite, by faces between two cells. What must hold is counted from the meshes before and after: children "
-    "fill their parent and are positive, the mesh conforms, what was not cut is unchanged, the children of a slave "
-    "face stand in order and face as it did, every macro-element owns an internal dof, groups, numbers and data "
-    "follow, and the order of cells and groups does not matter.\n\n"
-    "Totals of cells and nodes are compared with those of code_aster's own test.",
-    tuple(_cases()),
-)
+FAMILY = Family("cut", "The cut", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -25,7 +25,7 @@ from verification.meshes.bars import bar_on_wall, bars
 from verification.meshes.sliding import slider
 from verification.mpiexec import missing
 from verification.records import Case, Family, Rows, at_least, at_most, problem, row
-from verification.solving import Solved, balance_of, case_text, entry, solve, worst
+from verification.solving import Solved, balance_of, case_text, contact, entry, fixed, solve, worst
 
 _SIDES = [(axis, f"{axis}{end}") for axis in "xy" for end in "01"]
 
@@ -57,11 +57,11 @@ def _text(model: str, *tables: str, finite: bool = False, end: float = 1.0, coun
 
 def _held(dim: int) -> list[str]:
     """Conditions by which waves are those of one dimension."""
-    return [entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in _SIDES[: 2 * (dim - 1)]]
+    return [fixed(side, axis) for axis, side in _SIDES[: 2 * (dim - 1)]]
 
 
-_CONTACT = entry("contact", slave="slave", master="master")
-_BOTTOM = entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0)
+_CONTACT = contact()
+_BOTTOM = fixed("bottom", "xyz")
 _NO_LOAD = {"fx": 0.0, "fy": 0.0, "fz": 0.0, "moment": [0.0, 0.0, 0.0]}
 #: name -> the text of the case, and what makes the mesh
 _PROBLEMS: dict[str, tuple[str, Callable[[], Mesh]]] = {
@@ -89,7 +89,7 @@ _PROBLEMS: dict[str, tuple[str, Callable[[], Mesh]]] = {
     "plate": (
         _text(
             "plane_strain", entry("contact", slave="slave", master="wall"),
-            entry("displacement", group="top", ux=0.0, uy=0.0),
+            fixed("top", "xy"),
             entry("rigid", group="wall", fy="0.01 * t", moment=0.0), finite=True,
         ),
         lambda: bar_on_wall("QUAD8", 8),
@@ -275,7 +275,7 @@ def _cases() -> Iterator[Case]:
     yield _case("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
     yield _case("floating-2d", f"{floats}, 2d", plane)
     yield _case("floating-3d", f"{floats}, 3d", solid)
-    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", three)
+    yield _case("tower-small", "three blocks, two zones, the middle one fixed by contact alone", three)
     yield _case("tower-finite", "the same, finite kinematics", replace(three, kinematics="finite"), 90.0)
     for name, words, ranks in (
         ("bars", "a bar hits another, 2d", FEW),

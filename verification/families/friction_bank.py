@@ -165,21 +165,20 @@ def solve_bank(cells: tuple[str, ...], dim: int, *, levels: int) -> Iterator[Res
 @problem
 def solve_units(cell: str, dim: int, *, levels: int) -> Iterator[Result]:
     """Numbers of iterations of problems of the bank, in these and in other units of length and of stress."""
+
+    def iterations(friction: float, severity: float, seed: int) -> Iterator[list[int]]:
+        for unit, stress in ((1.0, 1.0), (1e3, 1e-6)):
+            steps = march(Problem.of(case_of(dim, friction, severity, seed, unit, stress), mesh_of(cell, dim, unit)))
+            counts: list[int] = []
+            try:
+                counts.extend(state.iterations for state in steps)
+            except NotConvergedError:
+                counts.append(-1)
+            yield counts
+
     every = list(product(FRICTION, SEVERITY, range(levels)))
-    changed = sum(_iterations(cell, dim, *each) != _iterations(cell, dim, *each, 1e3, 1e-6) for each in every)
+    changed = sum(own != other for own, other in (iterations(*each) for each in every))
     yield at_most(f"problems with other iterations, of {len(every)}", changed, 0, source="units are arbitrary")
-
-
-def _iterations(
-    cell: str, dim: int, friction: float, severity: float, seed: int, unit: float = 1.0, stress: float = 1.0
-) -> list[int]:
-    problem = Problem.of(case_of(dim, friction, severity, seed, unit, stress), mesh_of(cell, dim, unit))
-    iterations: list[int] = []
-    try:
-        iterations.extend(state.iterations for state in march(problem))
-    except NotConvergedError:
-        iterations.append(-1)
-    return iterations
 
 
 # ---- lids

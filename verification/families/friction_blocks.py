@@ -29,7 +29,7 @@ from lacsolver.results.fields import point_stress
 from verification.families import balance
 from verification.families.inf_sup import SIDES, STAYS, Skin, block_of
 from verification.families.patch import DISPLACEMENT, PRESSURES, STRESS, StackErrors, worst
-from verification.measures.inf_sup import held, norm
+from verification.measures.inf_sup import in_body, norm
 from verification.measures.rates import fitted
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, moved, stack, tilt
@@ -163,7 +163,7 @@ def constants(skin: Skin, rise: float, n: int) -> tuple[dict[str, float], int]:
     face = integrate(Zone.of(mesh, slave, "master"), dim, Pairing(friction=True))
     x = mesh.points[:, :dim]
     sides = ((x[:, :-1] < 1e-9) | (x[:, :-1] > 1 - 1e-9)).any(axis=1)
-    moving = np.flatnonzero(~sides & (np.abs(x[:, -1]) < 1 - 1e-9) & held(mesh))
+    moving = np.flatnonzero(~sides & (np.abs(x[:, -1]) < 1 - 1e-9) & in_body(mesh))
     inverse = splu(norm(mesh)[moving][:, moving], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
     weight = face.area ** (-0.5 * dim / (dim - 1))
     weight_t = np.repeat(weight, dim - 1)

@@ -1,29 +1,40 @@
 """Hertz's contact of finite bodies: the cylinder that contact codes are compared on, and the spheres of ssnv104.
 
-The reference is a solution of the same bodies by other finite elements (`verification.exact.finite_bodies`), 128 cells
-to the half-width. Pressures are over the half-space's peak under the same force.
+Bodies of finite size, as engineers mesh them. *The cylinder*: steel, of radius 50, on a block of alloy, plane strain,
+pushed by 0.2; N slave faces to the half-width, the mesh that other contact codes ran (`reference/peers.md`). *The
+spheres*: code_aster's ssnv104 k and l, two hemispheres whose flats are moved towards one another by 4 in ten steps.
+
+**The reference of the pressures** is not the half-space, from which these bodies differ by 0.17 %, but the same bodies
+solved by other finite elements, written in `data/provenance/finite_bodies.py` with numpy and scipy alone: QUAD4 with
+128 cells to the half-width, whose nodes meet, so that contact is a linear complementarity problem. It has two answers,
+which differ by 0.2 % and are both right to first order: of the linear theory (`linear`, gaps of the undeformed skins
+along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case is compared with
+its own.
+
+**The bounds are errors of peers.** Their published errors are against the half-space (`docs/benchmarks.md`). The same
+programs were run again by `benchmarks/peers.py` and their pressures measured against `current`, as they follow the
+deformed skins; the least of these errors on each mesh is what ours must not exceed. Pressures are measured under their
+own force, within 0.9 of the half-width, at the slave's nodes before the cut (NGSolve: means of faces).
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz
-from verification.measures.edge import edge_of_contact
+from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, Profile
 from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
 from verification.records import Family, Published, Rows, at_most, equal, informative, problem, row
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, solve
 
 Floats = NDArray[np.floating]
 
 #: of each level of the cylinder, and of the first of the spheres: slave faces to the half-width
 SIZES, SPHERES = (4, 8, 16, 32, 64), 12
+#: of the spheres: normal stress of the half-space on the axis, and load steps
+HALF_SPACE, STEPS = -2798.3, 10
 #: where pressures are compared, in parts of the half-space's half-width
 INNER = 0.9
 _PEERS = "benchmarks/peers.py: the same mesh, the answers measured as ours are"
@@ -42,85 +53,34 @@ _WHY = (
 )
 
 
-@dataclass(frozen=True)
-class Spheres:
-    """Two like hemispheres of radius 50, of cells of a type, code_aster's figures of its twin beside ours."""
-
-    cell: str
-    twin: str
-    stress: tuple[float, float]
-    iterations: int
-    young: float = SPHERE
-    poisson: float = POISSON
-    half_space: float = -2798.3
-    steps: int = 10
-    coarsest: int = SPHERES
+def rms_error(x: Floats, p: Floats, half_space: Hertz, profile: Profile) -> float:
+    """Rms error, within `INNER`, of pressures p at distances x from the axis, over the half-space's peak."""
+    s = x / half_space.radius
+    return float(np.sqrt(np.mean((p / half_space.peak - profile(s))[s <= INNER] ** 2)))
 
 
-class Measured(NamedTuple):
-    """Errors over the half-space's peak under the same force: rms within `INNER`, at the peak, of the half-width."""
-
-    rms: float
-    peak: float
-    width: float
-
-
-def measured(x: Floats, p: Floats, half_space: Hertz, exact: Floats, top: float) -> Measured:
-    """Errors of pressures p at distances x from the axis; `exact` (at x) and `top` are over the half-space's peak.
-
-    The half-width is that of the pressures in the outer half of contact.
-    """
-    s, p = x / half_space.radius, p / half_space.peak
-    rms = float(np.sqrt(np.mean((p - exact)[s <= INNER] ** 2)))
-    return Measured(rms, float(p.max() / top - 1), edge_of_contact(s, p, 1.0, 0.5) - 1)
-
-
-def errors(solved: Solved, half_space: Hertz, uncut: Mesh, name: str) -> dict[str, Measured]:
-    """Errors against a profile: of p_m at the middle of the macro-elements (`means`); of the recovered pressure at the
-    slave's `nodes`, and at those of them that the mesh had before it was cut (`given`).
-    """
-    zone, x, profile = solved.fields.zones["slave"], solved.mesh.points[:, 0], PROFILES[name]
-    p = zone.pressure_recovered
-    skin = np.flatnonzero(np.isfinite(p))
-    given = skin[skin < uncut.n_nodes]
-    at = {
-        "given": (x[given], p[given]), "nodes": (x[skin], p[skin]),
-        "means": (middles(solved.mesh)[zone.number], zone.pressure),
-    }  # fmt: skip
-    return {
-        where: measured(x, p, half_space, profile(x / half_space.radius), profile.shape[0])
-        for where, (x, p) in at.items()
-    }
-
-
-def middles(mesh: Mesh) -> Floats:
-    """Distance (n_macros,) from the axis to the middle of each undeformed macro-element of a plane mesh."""
-    macro = mesh.cell_data["lac_macro"]
-    faces = np.flatnonzero(macro >= 0)
-    ends = np.concatenate([mesh.points[nodes[:, :2]] for _, _, nodes in mesh.select(faces)])
-    own = np.concatenate([macro[cells] for _, cells, _ in mesh.select(faces)])
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return np.asarray(np.bincount(own, length * ends[:, :, 0].mean(axis=1)) / np.bincount(own, length))
+def recovered(solved: Solved, uncut: Mesh) -> tuple[Floats, Floats]:
+    """Distance from the axis and recovered pressure of the slave's nodes that the mesh had before it was cut."""
+    p = solved.recovered[: uncut.n_nodes]
+    given = np.flatnonzero(np.isfinite(p))
+    return solved.mesh.points[given, 0], p[given]
 
 
 @problem
 def solve_cylinder(geometry: str, *, levels: int) -> Rows:
     """The cylinder of steel on a block of alloy; `geometry`: of the undeformed skins, or of the deformed ones."""
-    every = []
+    every, reference = [], PROFILES["linear" if geometry == "reference" else "current"]
     for n in SIZES[:levels]:
         mesh = cylinder_on_block(n)
         solved = solve(_cylinder_text(geometry), mesh)
         half_space = Hertz.plane(2 * abs(float(solved.figures.contact["slave"].resultant[1])))
-        found = errors(solved, half_space, mesh, "linear" if geometry == "reference" else "current")
+        rms = rms_error(*recovered(solved, mesh), half_space, reference)
         theirs = tuple(Published(who, f[n] / 100, _PEERS) for who, f in _MEASURED.items() if n in f)
         name = f"rms error of the recovered pressure, N = {n}"
         if n in BEST:
-            yield at_most(name, found["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
+            yield at_most(name, rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
         else:
-            yield informative(name, found["given"].rms, reason="no peer ran this mesh")
-        name, reason = f"the same at all slave nodes, N = {n}", "the cut adds two nodes to a face"
-        yield informative(name, found["nodes"].rms, reason=reason)
-        yield informative(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means")
+            yield informative(name, rms, reason="no peer ran this mesh")
         every.append(solved)
     yield from balanced(every)
 
@@ -130,94 +90,74 @@ def _cylinder_text(geometry: str) -> str:
         "plane_strain",
         *(entry("material", groups=[group], young=young, poisson=POISSON)
           for group, young in (("upper", STEEL), ("lower", ALLOY))),
-        entry("contact", slave="slave", master="master", geometry=geometry, surface="smooth"),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0),
-        entry("displacement", group="x0", ux=0.0),
+        contact(geometry=geometry, surface="smooth"),
+        fixed("bottom", "xy"),
+        fixed("x0", "x"),
         entry("displacement", group="top", uy=-PUSH),
     )  # fmt: skip
 
 
 @problem
-def solve_spheres(given: Spheres, *, levels: int) -> Rows:
-    """The spheres, each level of cells half as large: normal stress of both bodies where the axis meets the skins,
-    against the half-space and against the same bodies; errors of the pressures.
+def solve_spheres(cell: str, twin: str, stress: tuple[float, float], iterations: int, *, levels: int) -> Rows:
+    """Two like hemispheres of cells of a type, half as large on each level: normal stress of both bodies where the axis
+    meets the skins, against the half-space and against the same bodies; errors of the pressures. `twin`: the test of
+    code_aster, with its `stress` and `iterations`.
     """
     text = case_text(
         "axisymmetric",
-        entry("material", young=given.young, poisson=given.poisson),
-        entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
+        material(SPHERE, POISSON),
+        contact(normals="smoothed", geometry="current",
               surface="faces"),  # as code_aster's are
         entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
-        entry("displacement", group="axis", ux=0.0), entry("steps", count=given.steps),
+        fixed("axis", "x"), entry("steps", count=STEPS),
     )  # fmt: skip
     every, reference = [], PROFILES["spheres"]
     exact = -reference.shape[0] * Hertz.round(reference.force).peak
-    code_aster = tuple(Published(f"code_aster {given.twin}", v, "reference/cases.json") for v in given.stress)
-    for n in (given.coarsest << level for level in range(levels)):
-        mesh = spheres(given.cell, n)
+    code_aster = tuple(Published(f"code_aster {twin}", v, "reference/cases.json") for v in stress)
+    for n in (SPHERES << level for level in range(levels)):
+        mesh = spheres(cell, n)
         solved = solve(text, mesh)
         every.append(solved)
         half_space = Hertz.round(abs(float(solved.figures.contact["slave"].resultant[1])))
-        found, stresses = errors(solved, half_space, mesh, "spheres"), solved.fields.stress[:, 1]
+        stresses, rms = solved.fields.stress[:, 1], rms_error(*recovered(solved, mesh), half_space, reference)
         pole = np.isfinite(stresses) & (np.abs(solved.mesh.points).max(axis=1) < 1e-9)
         for k, value in enumerate(stresses[pole], 1):
             yield equal(
-                f"normal stress on the axis, point {k}, N = {n}", value, given.half_space, 0.05 * abs(given.half_space),
-                source=f"Hertz's half-space, the analytic value of code_aster's {given.twin}", published=code_aster,
+                f"normal stress on the axis, point {k}, N = {n}", value, HALF_SPACE, 0.05 * abs(HALF_SPACE),
+                source=f"Hertz's half-space, the analytic value of code_aster's {twin}", published=code_aster,
                 reason="code_aster's own tolerance, as its bodies are finite: they are 4.0 % above the half-space",
             )  # fmt: skip
-        worst, theirs = (float(np.abs(np.array(v) / exact - 1).max()) for v in (stresses[pole], given.stress))
+        worst, theirs = (float(np.abs(np.array(v) / exact - 1).max()) for v in (stresses[pole], stress))
         yield at_most(
             f"error of the normal stress on the axis, N = {n}", worst, theirs,
             source=f"{exact:.1f}: the same bodies by other finite elements, 128 cells to the radius of contact",
             reason="the worse of two points; of code_aster's too, on its mesh, of cells as large on the first level",
         )  # fmt: skip
-        for name, value in (
-            ("error of the recovered pressure on the axis", np.nanmax(solved.recovered[pole]) / -exact - 1),
-            ("rms error of the recovered pressure", found["given"].rms), ("rms error of p_m", found["means"].rms),
-        ):  # fmt: skip
-            yield informative(f"{name}, N = {n}", value, reason="nobody published it")
+        reason = "nobody published it"
+        yield informative(f"rms error of the recovered pressure, N = {n}", rms, reason=reason)
     yield at_most(
-        "Newton iterations", every[0].iterations, given.iterations,
-        source=f"reference/peers.md: code_aster {given.twin}, {given.steps} steps",
+        "Newton iterations", every[0].iterations, iterations,
+        source=f"reference/peers.md: code_aster {twin}, {STEPS} steps",
         reason="the same steps on cells of the size of its mesh; ours also ends at a tighter tolerance",
     )  # fmt: skip
     yield at_most("halved steps", every[0].halvings, 0, source="the steps that are given")
     yield from balanced(every)
-    yield every[0].picture(f"Two spheres, {given.cell}")
+    yield every[0].picture(f"Two spheres, {cell}")
 
-
-TEXT = """
-Bodies of finite size, as engineers mesh them. *The cylinder*: steel, of radius 50, on a block of alloy, plane strain,
-pushed by 0.2; N slave faces to the half-width, the mesh that other contact codes ran (`reference/peers.md`). *The
-spheres*: code_aster's ssnv104 k and l, two hemispheres whose flats are moved towards one another by 4 in ten steps.
-
-**The reference of the pressures** is not the half-space, from which these bodies differ by 0.17 %, but the same bodies
-solved by other finite elements, written in `data/provenance/finite_bodies.py` with numpy and scipy alone: QUAD4 with
-128 cells to the half-width, whose nodes meet, so that contact is a linear complementarity problem. It has two answers,
-which differ by 0.2 % and are both right to first order: of the linear theory (`linear`, gaps of the undeformed skins
-along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case is compared with
-its own.
-
-**The bounds are errors of peers.** Their published errors are against the half-space (`docs/benchmarks.md`). The same
-programs were run again by `benchmarks/peers.py` and their pressures measured against `current`, as they follow the
-deformed skins; the least of these errors on each mesh is what ours must not exceed. Pressures are measured under their
-own force, within 0.9 of the half-width, at the slave's nodes before the cut (NGSolve: means of faces).
-"""
 
 _NAME = "hertz-engineering"
 FAMILY = Family(
     _NAME,
     "Hertz's contact of finite bodies",
-    TEXT,
+    __doc__.partition("\n\n")[2],
     (
         row(_NAME, "cylinder", "a cylinder on a block, linear theory", solve_cylinder, "reference",
             quick=2, full=4, every=5, seconds=15.0),
         row(_NAME, "cylinder_current", "the same, deformed skins followed", solve_cylinder, "current",
             full=4, every=5, seconds=40.0),
         row(_NAME, "ssnv104k", "two spheres, TRIA3", solve_spheres,
-            Spheres("TRIA3", "ssnv104k", (-2868.94105333, -2888.31508848), 77), full=2, every=3, seconds=40.0),
+            "TRIA3", "ssnv104k", (-2868.94105333, -2888.31508848), 77, full=2, every=3, seconds=40.0),
         row(_NAME, "ssnv104l", "two spheres, TRIA6", solve_spheres,
-            Spheres("TRIA6", "ssnv104l", (-2910.23188455, -2912.21233959), 69), full=2, every=3, seconds=60.0),
+            "TRIA6", "ssnv104l", (-2910.23188455, -2912.21233959), 69, full=2, every=3, seconds=60.0),
     ),
 )  # fmt: skip

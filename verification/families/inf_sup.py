@@ -1,9 +1,19 @@
 """Inf-sup stability: the constant against h, and the contact pressures on meshes that lack it.
 
-A block whose slave side is cut, and the same block with each slave face a macro-element as it is. The constant that
-the theory promises for cut skins is that of the internal dofs alone (Abbas, Drouet, Hild, CMAME 339, 2018: the
-hypothesis of the internal dof); it is the same for all h and needs no solution. The exact pressure of the loaded blocks
-is that of a band pressed on both sides by 1 + q cos kx (Timoshenko and Goodier, Theory of Elasticity, art. 24).
+Pressures that are constant on macro-elements and displacements go together if the inf-sup constant beta of the two
+stays above zero as h falls: then p_m converges and cannot oscillate. The hypothesis of the internal dof is enough for
+it (Abbas, Drouet, Hild, CMAME 339, 2018), and `lacmesh cut` is there to make it true. Each problem is a block whose
+slave side is cut, and the same block with each slave face a macro-element as it is.
+
+**Constants.** Blocks of every type, their slave's rim fixed, which leaves displacements the least room. On the cut skin
+beta stays, above what the internal dofs alone give, which is the same for all h. Where each face is a macro-element as
+it is, beta is zero: on segments and triangles of linear cells since faces are as many as the nodes that move, or more;
+on quadrangles, QUAD4 and QUAD8, since all nodes average a checkerboard to zero. With the rim free, beta falls with h.
+Elsewhere it is reported: the hypothesis is sufficient, not necessary.
+
+**Pressures.** Blocks under a smooth load, nodes moved at random. The exact pressure is that of a band pressed on both
+sides by 1 + q cos kx (Timoshenko and Goodier, Theory of Elasticity, art. 24). On the cut skin p_m is about as good as
+the best constants are; on the uncut skin it oscillates from face to face.
 """
 
 from __future__ import annotations
@@ -20,12 +30,12 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.measures.inf_sup import constant, held
+from verification.measures.inf_sup import constant, in_body
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
 from verification.records import Case, Family, Level, Rows, at_least, at_most, informative, levels_of, problem, row
-from verification.solving import Solved, balanced, case_text, entry, model_of
+from verification.solving import Solved, balanced, case_text, entry, fixed, material, model_of
 from verification.solving import solve as solved
 
 Floats = NDArray[np.floating]
@@ -67,10 +77,10 @@ class Skin:
 
 @dataclass(frozen=True)
 class Pressed:
-    """A block [0, 1]^dim on a rigid plane, pressed on top by 1 + LOAD cos(pi x), its sides held along their normal.
+    """A block [0, 1]^dim on a rigid plane, pressed on top by 1 + LOAD cos(pi x), its sides fixed along their normal.
 
     Nodes are moved at random, but stay in the sides that they are in, by up to `jitter` of a cell; the slave's rim is
-    held down.
+    fixed.
     """
 
     kind: str
@@ -142,7 +152,7 @@ def constants(given: Skin, n: int) -> Constants:
     internal = lacmesh.Cut(matrices.mesh).macro_of_node >= 0
     cut = constant(matrices, rim), constant(matrices, free)
     without = cut
-    inner, unknowns = constant(matrices, internal & rim), given.dim * int((rim & held(matrices.mesh)).sum())
+    inner, unknowns = constant(matrices, internal & rim), given.dim * int((rim & in_body(matrices.mesh)).sum())
     if given.kind not in WHOLE:
         matrices = lacsolver.contact_matrices(uncut(mesh, slave), slave, "master")
         rim, free = _moving(matrices.mesh)
@@ -222,7 +232,7 @@ def pressed(given: Pressed, n: int, *, cut: bool = True) -> Solved:
     mesh, slave = block_of(given, n), _slave(given.dim)
     mesh = lacmesh.cut_skin(mesh, slave, hexa=given.hexa).mesh if cut else uncut(mesh, slave)
     down = np.abs(mesh.points[:, given.dim - 1]) < 1e-9
-    rim = np.flatnonzero(~_moving(mesh)[0] & down & held(mesh))
+    rim = np.flatnonzero(~_moving(mesh)[0] & down & in_body(mesh))
     return solved(case_of(given), replace(mesh, node_groups={"rim": rim}))
 
 
@@ -232,11 +242,11 @@ def case_of(given: Pressed) -> str:
     up = axes[-1]
     return case_text(
         model_of(given.dim),
-        entry("material", young=YOUNG, poisson=POISSON),
+        material(YOUNG, POISSON),
         entry("contact", name="foot", slave=f"{up}0", master="master"),
         entry("rigid", group="master"),
-        *(entry("displacement", group=f"{a}{end}", **{f"u{a}": 0.0}) for a in axes[:-1] for end in "01"),
-        entry("displacement", group="rim", **{f"u{up}": 0.0}),
+        *(fixed(f"{a}{end}", a) for a in axes[:-1] for end in "01"),
+        fixed("rim", up),
         entry("pressure", group=f"{up}1", value=f"1 + {LOAD} * cos(pi * x)"),
         entry("solver", threads=1),
     )
@@ -301,19 +311,4 @@ def _cases() -> Iterator[Case]:
         )  # fmt: skip
 
 
-_TEXT = """
-Pressures that are constant on macro-elements and displacements go together if the inf-sup constant beta of the two
-stays above zero as h falls: then p_m converges and cannot oscillate. The hypothesis of the internal dof is enough for
-it, and `lacmesh cut` is there to make it true.
-
-**Constants.** Blocks of every type, their slave's rim fixed, which leaves displacements the least room. On the cut skin
-beta stays, above what the internal dofs alone give. Where each face is a macro-element as it is, beta is zero: on
-segments and triangles of linear cells since faces are as many as the nodes that move, or more; on quadrangles, QUAD4
-and QUAD8, since all nodes average a checkerboard to zero. With the rim free, beta falls with h. Elsewhere it is
-reported: the hypothesis is sufficient, not necessary.
-
-**Pressures.** Blocks under a smooth load, nodes moved at random, with an exact pressure. On the cut skin p_m is about
-as good as the best constants are; on the uncut skin it oscillates from face to face.
-"""
-
-FAMILY = Family("inf-sup", "Inf-sup condition", _TEXT.strip(), tuple(_cases()))
+FAMILY = Family("inf-sup", "Inf-sup condition", __doc__.partition("\n\n")[2], tuple(_cases()))

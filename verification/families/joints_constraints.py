@@ -72,7 +72,7 @@ def solve_pulled(cell: str, kinematics: str) -> Rows:
 
 @problem
 def solve_turned(cell: str, weights: str | None = None, count: int = 4) -> Rows:
-    """A block of a cell type, held by one side alone, which is turned by large angles in `count` steps. The body turns
+    """A block of a cell type, fixed by one side alone, which is turned by large angles in `count` steps. The body turns
     as a whole, without energy.
     """
     dim, point, _, _ = _loads(cell)

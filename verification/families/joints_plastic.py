@@ -22,7 +22,7 @@ from verification.meshes.blocks import block, joined, nodes_of, with_master
 from verification.meshes.half_spaces import half_spaces, piece
 from verification.meshes.rings import ring
 from verification.records import Case, Rows, at_least, at_most, equal, problem, rate, row
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, fixed, solve
 
 Floats = NDArray[np.floating]
 
@@ -38,14 +38,14 @@ def metal(young: float = 500.0, poisson: float = 0.3, limit: float = 1.0, **more
 
 
 @problem
-def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) -> Rows:
-    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `asked`: rate of u in L2. Load a sphere
+def solve_sphere(cell: str, bound: float, front: float = 1.5, *, levels: int) -> Rows:
+    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `bound`: rate of u in L2. Load a sphere
     in three steps on finer and finer meshes.
     """
     sphere, solutions = Sphere(1.0, 2.0, front, 500.0, 0.3, 1.0), []
     for n in (4 * 2**k for k in range(levels)):
         text = case_text(
-            "axisymmetric", metal(), entry("displacement", group="y0", uy=0.0),
+            "axisymmetric", metal(), fixed("y0", "y"),
             entry("pressure", group="low", value=sphere.pressure), entry("steps", count=3),
         )  # fmt: skip
         solved = solve(text, ring(cell, (n, 2 * n), (1.0, 2.0)))
@@ -56,7 +56,7 @@ def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) ->
             LevelSolution(solved, 1 / n, {"u": float(np.sqrt(((u - exact) ** 2).sum() / (exact**2).sum()))})
         )
     source = f"{HILL}; the front of the plastic zone is on a line of nodes, so that u is smooth in each cell"
-    yield rate("u at the nodes", convergence(solutions, "u"), asked, source=source)
+    yield rate("u at the nodes", convergence(solutions, "u"), bound, source=source)
     yield at_most("iterations of a step", max(s.iterations for s in solutions[-1].solved.states), 7, source="Newton")
     name = "residual after an iteration, less round-off, over the square of that before, where this is below 0.05"
     source = "the consistent tangent: Newton's method is quadratic"
@@ -76,8 +76,8 @@ def _quadratic(solution: LevelSolution) -> float:
 
 
 @problem
-def solve_tube(cell: str, asked: float, *, levels: int) -> Rows:
-    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `asked`: relative error. Open a tube
+def solve_tube(cell: str, bound: float, *, levels: int) -> Rows:
+    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `bound`: relative error. Open a tube
     by half its radius; the pressure is that of the reactions on its inner side.
     """
     young, poisson, errors = 500.0, 0.4999, []
@@ -86,13 +86,13 @@ def solve_tube(cell: str, asked: float, *, levels: int) -> Rows:
         out = [f"0.5 * t * {axis} / sqrt(x**2 + y**2)" for axis in "xy"]
         text = case_text(
             "plane_strain", metal(young, poisson, hardening=[[1.0, 0.0], [21.0, 10.0]], kinematic=1.0),
-            entry("displacement", group="x0", ux=0.0), entry("displacement", group="y0", uy=0.0),
+            fixed("x0", "x"), fixed("y0", "y"),
             entry("displacement", group="low", ux=out[0], uy=out[1]), entry("steps", count=10), kinematics="finite",
         )  # fmt: skip
         solved = solve(text, ring(cell, (n, n), (1.0, 2.0)))
         errors.append(abs(_pressure_inside(solved) / (exact * 1.5) - 1))
     source = "quadrature of the balance of forces of an incompressible tube; poisson is 0.4999 here"
-    yield at_most("relative error of the pressure", errors[-1], asked, source=source)
+    yield at_most("relative error of the pressure", errors[-1], bound, source=source)
 
 
 def _pressure_inside(solved: Solved) -> float:
@@ -123,8 +123,8 @@ def _punched(faces: int) -> LevelSolution:
     aside = np.concatenate([np.linspace(0, 1, faces + 1), 1 + lines(reach - 1, h, 4 * h, 1.15)[1:]])
     text = case_text(
         "plane_strain", metal(1000.0), entry("contact", slave="top", master="master"),
-        entry("displacement", group="axis", ux=0.0), entry("displacement", group="side", ux=0.0),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0),
+        fixed("axis", "x"), fixed("side", "x"),
+        fixed("bottom", "xy"),
         entry("rigid", group="master", ux=0.0, uy=-0.024), entry("steps", count=6),
     )  # fmt: skip
     solved = solve(text, _on_rigid(aside, -lines(reach - 1, h, 1.0, 1.15)[::-1], 1.0))
@@ -181,7 +181,7 @@ def solve_ball(faces: int = 24, young: float = 2000.0, *, levels: int) -> Rows:
     text = case_text(
         "axisymmetric", metal(young),
         entry("contact", slave="top", master="master", clearance="x**2 / 20"),
-        entry("displacement", group="bottom", uy=0.0), entry("rigid", group="master", uy=-0.05),
+        fixed("bottom", "y"), entry("rigid", group="master", uy=-0.05),
         entry("steps", count=6),
     )  # fmt: skip
     solved = solve(text, _on_rigid(lines(reach, h, 1.4, 1.2), -lines(reach, h, 1.5, 1.2)[::-1], 3.0))
@@ -208,8 +208,8 @@ def solve_cycles(cell: str = "QUAD8", *, levels: int) -> Rows:
     young, limit, modulus = 1000.0, 2.0, 50.0
     table = [[0.0, 0.0]] + [[float(k + 1), 0.01 * (-1) ** k] for k in range(6)]
     text = case_text(
-        "plane_stress", metal(young, 0.3, limit, kinematic=modulus), entry("displacement", group="x0", ux=0.0),
-        entry("displacement", group="y0", uy=0.0), entry("displacement", group="y1", uy=table),
+        "plane_stress", metal(young, 0.3, limit, kinematic=modulus), fixed("x0", "x"),
+        fixed("y0", "y"), entry("displacement", group="y1", uy=table),
         entry("steps", end=6.0, count=6),
     )  # fmt: skip
     solved = solve(text, block(cell, 3, (0.0, 0.0), (1.0, 1.0)))
@@ -227,9 +227,9 @@ def solve_cycles(cell: str = "QUAD8", *, levels: int) -> Rows:
 
 def cases(family: str) -> Iterator[Case]:
     """The cases."""
-    for cell, asked in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
+    for cell, bound in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
         name, words = f"yielding_sphere_{cell.lower()}", f"thick sphere that yields in part, {cell}"
-        yield row(family, name, words, solve_sphere, cell, asked, quick=3 * (cell == "QUAD4"), full=4, seconds=10.0)
+        yield row(family, name, words, solve_sphere, cell, bound, quick=3 * (cell == "QUAD4"), full=4, seconds=10.0)
     for cell, levels in (("QUAD4", 3), ("TRIA6", 2)):
         name, words = f"opened_tube_{cell.lower()}", f"tube opened by half its radius, finite strains, {cell}"
         yield row(family, name, words, solve_tube, cell, 1e-3, full=levels, seconds=12.0)

@@ -1,8 +1,14 @@
 """The patch test of contact: a uniform pressure goes through an interface whose faces do not match.
 
-Taylor, Papadopoulos, On a patch test for contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear
-Computational Mechanics, Springer, 1991. Exact: the stress is uniform, uniaxial (in plane strain with the stress that
-holds the plane), the displacement linear by Hooke's law, every p_m the pressure.
+Two unit blocks on one another under a uniform pressure: the stress is uniform, uniaxial (in plane strain with the
+stress that holds the plane), the displacement linear by Hooke's law, every p_m the pressure. A method passes only if it
+integrates the contact terms over the true intersections of the two skins (Taylor, Papadopoulos, On a patch test for
+contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear Computational Mechanics, Springer, 1991).
+
+Every type of cell is the slave and the master of every other, below and above, along the axes and in a tilted frame;
+the grids are uneven, and in some cases the faces are distorted quadrangles. Errors are the largest anywhere: of the
+stress at integration points, of the pressure of each macro-element, of the displacement of each node, relative to the
+largest value of each. What others obtained stands beside where they ran the same problem.
 """
 
 from __future__ import annotations
@@ -20,7 +26,7 @@ from lacmesh import Mesh
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Published, Result, Rows, at_most, problem, row
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, material, solve
 
 Floats = NDArray[np.floating]
 Pairs = tuple[tuple[str, str], ...]
@@ -102,7 +108,7 @@ def text(given: Press) -> str:
     return case_text(
         "axisymmetric" if given.model == "ring" else given.model,
         entry("solver", threads=1),
-        entry("material", young=YOUNG, poisson=POISSON),
+        material(YOUNG, POISSON),
         entry(given.joint, slave="slave", master="master", **dict(given.contact)),
         *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in supports),
         entry("pressure", group="top", value=PRESSURE),
@@ -240,15 +246,4 @@ def _cases() -> Iterator[Case]:
         yield case(f"stars-{joint}-{given.dim}d", f"stars, {joint}: every pair of kinds", given, 120.0)
 
 
-FAMILY = Family(
-    "patch",
-    "Patch test",
-    "Two unit blocks on one another, whose faces do not match, under a uniform pressure: stress and displacement are "
-    "known to the last digit, and a method passes only if it integrates the contact terms over the true intersections "
-    "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
-    "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
-    "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
-    "the displacement of each node, relative to the largest value of each. What others obtained "
-    "stands beside where they ran the same problem.",
-    tuple(_cases()),
-)
+FAMILY = Family("patch", "Patch test", __doc__.partition("\n\n")[2], tuple(_cases()))

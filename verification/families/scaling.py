@@ -1,19 +1,20 @@
 """Growth of computing time with size: cut, search, assembly.
 
-Expected: each stage visits every cell or face a bounded number of times (trees of boxes add a logarithm),
-so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
-a small problem that compiles and loads all that is used. They hold what the kernel spends on clearing new pages, which
-arrays below some size do without, since their memory is used again: a step, which is seen in the difference to the
-seconds of the program alone.
+The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells thick, so
+that skins grow as bodies do. Each stage visits every cell or face a bounded number of times (trees of boxes add a
+logarithm), so its time goes with the size to the power 1; the exponent is the slope of the logarithms by least squares.
+
+Seconds are those of the process, the least of some repetitions, after a small problem that compiles and loads all that
+is used, with nothing of the harness beside. What the kernel spends on clearing new pages is in them, which arrays below
+some size do without, since their memory is used again: a step.
 """
 
 from __future__ import annotations
 
 import gc
-import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ from lacsolver.problem.problem import Problem
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.records import Case, Family, Result, Rows, at_most, informative, levels_of, problem, row
-from verification.solving import case_text, entry
+from verification.records import Case, Family, Result, Rows, at_most, levels_of, problem, row
+from verification.solving import case_text, contact, entry, fixed, material
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
 LINEAR = 1.05
@@ -108,42 +109,27 @@ def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int
     small = BenchmarkStages.of(kind, 6, hexa)
     _ = timed([small])  # compiled and loaded, all that is used
     problems = [BenchmarkStages.of(kind, n, hexa) for n in sides[:levels]]
-    for stage, whole, program in zip(_STAGES, *timed(problems), strict=True):
-        yield _judged(stage, problems, whole)
-        sizes, words = _sizes(stage, problems)
-        reason = f"seconds of the program against {words}, without the kernel's for new memory: what a miss is due to"
-        yield informative(f"exponent of {stage}, program alone", fitted(sizes, program), reason=reason)
+    for stage, seconds in zip(_STAGES, timed(problems), strict=True):
+        yield _judged(stage, problems, seconds)
 
 
 def timed(problems: Sequence[BenchmarkStages]) -> NDArray[np.floating]:
-    """(2, stages, problems): seconds of the process, and of the program alone, the least of all rounds."""
+    """(stages, problems): seconds of the process, the least of all rounds."""
     rounds = [
         [[seconds_of(getattr(one, name)) for one in problems] for name, _, _ in _STAGES.values()] for _ in range(ROUNDS)
     ]
-    return np.asarray(np.moveaxis(np.min(rounds, axis=0), -1, 0))
+    return np.asarray(np.min(rounds, axis=0))
 
 
-def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> tuple[float, float]:
-    """Seconds of the process that a piece of work takes, the least of some repetitions; of it, the program's share."""
+def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> float:
+    """Seconds of the process that a piece of work takes, the least of some repetitions."""
     seconds: list[float] = []
     gc.collect()
-    first, kernel = _clock()
     while sum(seconds) <= long_enough:
-        start = sum(_clock())
+        start = process_time()
         work()
-        seconds.append(sum(_clock()) - start)
-    last, later = _clock()
-    return min(seconds), min(seconds) * (last - first) / (last - first + later - kernel)
-
-
-def _clock() -> tuple[float, float]:
-    """Seconds that the process has spent, in its program and in the kernel."""
-    if sys.platform == "win32":
-        return os.times()[:2]
-    import resource
-
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime, usage.ru_stime
+        seconds.append(process_time() - start)
+    return min(seconds)
 
 
 def text() -> str:
@@ -151,27 +137,22 @@ def text() -> str:
     return case_text(
         "3d",
         entry("solver", threads=1),
-        entry("material", young=1e3, poisson=0.3),
-        entry("contact", slave="slave", master="master", clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0),
+        material(1e3, 0.3),
+        contact(clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
+        fixed("bottom", "xyz"),
         entry("displacement", group="top", ux=0.0, uy=0.0, uz=-0.002),
     )
 
 
 def _judged(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    sizes, words = _sizes(stage, problems)
+    _, size, words = _STAGES[stage]
+    sizes = [getattr(one, size) for one in problems]
     reason = (
         f"the slope of the logarithms of seconds and {words} (h of the levels; the error is seconds); the kernel's "
-        "seconds for new memory, which only large arrays take, are in it: see the program alone"
+        "seconds for new memory, which only large arrays take, are in it"
     )
     levels = levels_of(sizes, [one.unknowns for one in problems], seconds)
-    slope = fitted(sizes, seconds)
-    return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)
-
-
-def _sizes(stage: str, problems: Sequence[BenchmarkStages]) -> tuple[list[int], str]:
-    _, size, words = _STAGES[stage]
-    return [getattr(one, size) for one in problems], words
+    return at_most(f"exponent of {stage}", fitted(sizes, seconds), LINEAR, source=_SOURCE, reason=reason, levels=levels)
 
 
 def _cases() -> Iterator[Case]:
@@ -185,13 +166,4 @@ def _cases() -> Iterator[Case]:
         yield replace(row("scaling", name, words, run, kind, sides, hexa, **suites, seconds=90.0), exclusive=True)
 
 
-FAMILY = Family(
-    "scaling",
-    "Scaling",
-    "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
-    "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional.\n\n"
-    "Seconds are those of the process, without compilation, measured with nothing of the harness beside. The exponents "
-    "of the program alone, without what the kernel spends on new memory, are given too.",
-    tuple(_cases()),
-)
+FAMILY = Family("scaling", "Scaling", __doc__.partition("\n\n")[2], tuple(_cases()))

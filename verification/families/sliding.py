@@ -41,9 +41,8 @@ _NEWTON = (
     "leaves derivatives off by 1e-4 of themselves on warped faces, which shows where e' is just above the tolerance"
 )
 _EVEN = (
-    "four faces running over which pressures go up and down in turn; a smooth profile has none, however few carry it. "
-    "It takes a stiff slave whose faces are clearly larger than the soft master's: of 0.2 over faces of 0.25 they "
-    "swing by 31 % of the peak, over 0.17 by 1.5 %, over 0.15 by nothing"
+    "a smooth profile has none, however few faces carry it. It takes a stiff slave whose faces are clearly larger than "
+    "the soft master's: of 0.2 over faces of 0.25 they swing by 31 % of the peak, over 0.17 by 1.5 %, over 0.15 by 0"
 )
 #: the meshes that a body is dragged on
 MESHES: Mapping[str, Callable[[int], Mesh]] = {"ring": ring, "ironing_2d": ironing_2d, "ironing_3d": ironing_3d}
