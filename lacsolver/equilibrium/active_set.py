@@ -41,16 +41,18 @@ from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, equilibrium_residual, sizes
 
-#: reduction of the residual in an inexact solve, and largest number of such solves
-_LOOSE, _LOOSE_SOLVES = 0.2, 16
+#: reduction of the residual in an inexact solve, and largest number of such solves. At 0.2 the gaps that a solve leaves
+#: hide which rows are to be exchanged, and an exact solve of three times the applications has to follow
+_LOOSE, _LOOSE_SOLVES = 1e-2, 16
 #: residual, relative to the tolerance, above which directions of slides in space take one more solve: they converge
 #: quadratically, and tractions change by more than gaps
 _TURNED = 1e-3
 #: reduction with friction, where the size of a traction decides: at 1e-2 slender bodies, as belts, slide to and fro
 _LOOSE_WITH_FRICTION = 3e-4
-#: block exchanges allowed while the number of violated rows does not fall, before springs or Murty's single exchange;
-#: fraction of the fewest so far that counts as a fall, before springs
-_BLOCKS, _FALL = 3, 0.7
+#: block exchanges allowed while the number of violated rows does not fall, before springs or Murty's single exchange:
+#: in one linear problem, and in each of Newton's method; fraction of the fewest so far that counts as a fall, before
+#: springs
+_BLOCKS, BLOCKS_OF_NEWTON, _FALL = 5, 3, 0.7
 #: factor from the compliance of one level of springs to the next; compliance of the first level below which pivoting
 #: goes on without springs, and of the last level, relative to that of a macro-element's own skin
 _STIFFER, _STIFF, _STIFFEST = 0.1, 0.1, 1e-12
@@ -235,9 +237,10 @@ class Pivots:
     A set is solved inexactly when it is met for the first time, and only a limited number of times in all.
     """
 
-    def __init__(self, contact: ContactSystem, *, convex: bool = True) -> None:
+    def __init__(self, contact: ContactSystem, *, convex: bool = True, blocks: int = _BLOCKS) -> None:
+        self._blocks = blocks
         self._skin = contact.skin_compliance if convex and contact.with_springs(0.0) is not None else None
-        self._least, self._fewest, self._patience = np.inf, np.inf, _BLOCKS
+        self._least, self._fewest, self._patience = np.inf, np.inf, blocks
         self._reduction, self._loose = _LOOSE_WITH_FRICTION if contact.sheared else _LOOSE, _LOOSE_SOLVES
         self._seen, self._solved, self._before, self._splits = set[bytes](), set[bytes](), b"", bool(contact.sheared)
         self.tried = np.zeros(len(contact.G), bool)
@@ -319,7 +322,7 @@ class Pivots:
             self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
         least = self._fewest * (_FALL if self._skin else 1.0)
         if len(changes) <= least and len(changes) < self._fewest:
-            self._fewest, self._patience = len(changes), _BLOCKS
+            self._fewest, self._patience = len(changes), self._blocks
         elif self._patience > 0:
             self._patience -= 1
         elif not self._skin:
@@ -330,7 +333,7 @@ class Pivots:
 
     def _without_springs(self, rows: RowSet) -> RowSet:
         """Return no row, from where exchanges go on without springs: the rows of this set depend on one another."""
-        self._skin, self._patience, self._fewest = 0.0, _BLOCKS, np.inf
+        self._skin, self._patience, self._fewest = 0.0, self._blocks, np.inf
         return RowSet.of(np.zeros(len(rows.state), bool))
 
     def _with_springs(self, wanted: RowSet, p: Floats, moved: float) -> RowSet | None:
@@ -345,11 +348,11 @@ class Pivots:
 
     def _begin(self, springs: float) -> None:
         """Begin with springs of another level, or without them."""
-        self.springs, self._patience, self._tried, self._fewest = springs, _BLOCKS, 0, np.inf
+        self.springs, self._patience, self._tried, self._fewest = springs, self._blocks, 0, np.inf
 
     def _stiffened(self, wanted: RowSet, changes: int) -> RowSet:
         """Return the next set of this level; or make the springs stiffer, or leave them, once its set is found."""
-        self._patience = _BLOCKS if changes < self._fewest else max(self._patience - 1, 0)
+        self._patience = self._blocks if changes < self._fewest else max(self._patience - 1, 0)
         self._fewest, self._tried = min(self._fewest, changes), self._tried + 1
         stiffer = self.springs * _STIFFER
         if changes > (stiffer >= self._last):

@@ -29,7 +29,13 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes, stiffness_along
+from lacsolver.equilibrium.active_set import (
+    BLOCKS_OF_NEWTON,
+    LOOSE_WITH_SPRINGS,
+    Pivots,
+    close_rows_against_rigid_modes,
+    stiffness_along,
+)
 from lacsolver.equilibrium.search import Trial
 from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
@@ -183,7 +189,7 @@ def _newton_step(
             C = _total(there.geometric_stiffness(p), there.change(K))
             R = there.modes(K)
             resistance, load = _resistance(there, K, R, rows, p), K.vectors.dots(R.T, there.r)
-            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact)
+            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact, blocks=BLOCKS_OF_NEWTON)
             while True:
                 now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
                 before = step._replace(rows=now)
