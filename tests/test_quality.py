@@ -1,4 +1,7 @@
-"""Quality by what it must be: ideal cells, motions that change nothing, cells spoilt in known ways, statistics."""
+"""Quality by what it must be: ideal cells, motions that change nothing, cells spoilt in known ways, statistics.
+
+Verdict's measures are those that pyvista computes, whatever the size of a cell.
+"""
 
 import json
 import subprocess
@@ -23,13 +26,13 @@ from lacmesh.quality import (
     validity_of,
 )
 from lacmesh.quality.geometry import OWN
-from lacmesh.quality.measures import ACCEPTED, SCALES, default_measures, primary_metric
+from lacmesh.quality.measures import ACCEPTED, SCALES, TYPES, default_measures, primary_metric
 from lacmesh.quality.summary import PLACES, histogram, statistics
 from lacmesh.reference import quadrature
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, jacobian
 from tests.meshes import box, pad
-from tests.quality_cells import LINEAR, MEASURED, degenerate, distorted, ideal, reference, rotation
+from tests.quality_cells import IDEAL, LINEAR, MEASURED, degenerate, distorted, ideal, reference, rotation
 
 CURVED = [n for n in MEASURED if CELLS[n].order == 2]
 LINES_TOO = [n for n in CELLS if CELLS[n].dim]
@@ -280,6 +283,64 @@ def test_without_pyvista_the_measures_of_vtk_are_refused_by_name(monkeypatch):
             measured("HEXA8", x, names)
     code = "import sys, lacmesh; lacmesh.measure_quality('data/two_blocks.msh'); print('pyvista' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+def verdict(name, x, measures):
+    """{measure: (k,)} of cells x (k, n, 3), as pyvista has them."""
+    import pyvista
+
+    cells = {pyvista.CellType[TYPES[name]]: np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])}
+    found = pyvista.UnstructuredGrid(cells, x.reshape(-1, 3)).cell_quality(list(measures)).cell_data
+    return {m: np.array(found[m]) for m in measures}
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("name", LINEAR)
+def test_measures_of_cells_of_any_size_are_verdicts(name):
+    x = distorted(name)
+    mine, theirs = measured(name, x, ACCEPTED[name]), verdict(name, x, ACCEPTED[name])
+    for measure, values in mine.items():
+        np.testing.assert_allclose(values, theirs[measure], rtol=1e-9, atol=1e-12, err_msg=measure)
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("name", ["TRIA3", "TETRA4", "PENTA6"])
+def test_the_scaled_jacobian_of_valid_simplices_and_prisms_is_the_corner_jacobian(name):
+    x = distorted(name)
+    verdicts, corner = (np.maximum(v, 0) for v in measured(name, x, ["scaled_jacobian", "corner_jacobian"]).values())
+    np.testing.assert_allclose(verdicts, corner, atol=1e-12)
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("name", LINEAR)
+def test_ideal_cells_have_the_values_that_pyvista_gives(name):
+    import pyvista
+
+    x = np.array([IDEAL[name]])
+    mine = measured(name, x, ACCEPTED[name])
+    for measure, limits in ACCEPTED[name].items():
+        try:
+            info = pyvista.cell_quality_info(pyvista.CellType[TYPES[name]], measure)
+        except ValueError:
+            assert limits is None or measure in ("relative_size_squared",)
+            continue
+        assert mine[measure][0] == pytest.approx(info.unit_cell_value, abs=1e-12), measure
+        assert limits == pytest.approx(info.acceptable_range), measure
+
+
+@pytest.mark.vtk
+def test_min_dihedral_is_the_angle_that_verdict_means():
+    """Verdict's least angle of a tetrahedron depends on how its nodes are listed, by its own error; ours does not.
+
+    Over the ways to list them that keep the orientation, ours is the least that Verdict finds.
+    """
+    x = distorted("TETRA4", k=50)[:100]
+    turned = [[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [1, 0, 3, 2], [3, 1, 0, 2], [0, 2, 3, 1]]
+    theirs = np.array([verdict("TETRA4", x[:, order], ["min_angle"])["min_angle"] for order in turned])
+    mine = [measured("TETRA4", x[:, order], ["min_dihedral"])["min_dihedral"] for order in turned]
+    np.testing.assert_allclose(mine, [mine[0]] * len(turned), rtol=1e-9)
+    assert np.ptp(theirs, axis=0).max() > 1
+    assert (theirs.min(axis=0) <= mine[0] + 1e-6).all()
 
 
 # ---- statistics

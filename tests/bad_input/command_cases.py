@@ -165,7 +165,8 @@ def cases():
     for name, (suffix, *options) in OUTPUTS.items():
         for size in (0, 700):
             what = f"no room at all for {name}" if not size else f"no room after {size} bytes of {name}"
-            yield Case("full disk", "any", what, GOOD, 3, (*CUT, *options), out="out" + suffix, file_size=size)
+            command, says = (*CUT, *options), "cannot be written"
+            yield Case("full disk", "any", what, GOOD, 3, command, says, out="out" + suffix, file_size=size)
     yield from _other_outputs()
     yield from _geometry()
 
