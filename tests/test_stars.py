@@ -119,21 +119,6 @@ def test_code_aster_has_no_multipliers_for_stars_and_no_cut_is_recognised_in_the
     assert find_macros(bare, slave_skin(bare, ["top"])).n_cut == 0
 
 
-@pytest.mark.rows("TETRA4-True", "HEXA8-False", "PENTA6-True", "TETRA10-False")
-@pytest.mark.parametrize("tie", [False, True])
-@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6", "TETRA10"])
-def test_a_press_of_two_blocks_is_uniform(kind, tie):
-    mesh = stack(box((5, 5, 2), kind="HEXA8"), box((4, 4, 2), kind=kind, distortion=0.1, seed=4))
-    pair = (ls.Tie if tie else ls.Contact)(slave="slave", master="master", macro="stars")
-    case = ls.Case(
-        model="3d", material=[ls.Material(young=1.0, poisson=0.3)], **{"tie" if tie else "contact": [pair]},
-        displacement=[ls.Displacement(group="bottom", uz=0), ls.Displacement(group="left", ux=0),
-                      ls.Displacement(group="front", uy=0)],
-        pressure=[ls.Pressure(group="top", value=0.01)],
-    )  # fmt: skip
-    assert ls.solve(case, mesh).contact["slave"].pressure == pytest.approx(0.01, rel=1e-8)
-
-
 @pytest.mark.parametrize("macro", ["cut", "stars"])
 def test_the_press_fit_of_tetrahedra_is_even_and_the_warning_of_its_cut_names_stars(macro):
     case = ls.read_case(REPOSITORY / "data" / "press_fit.toml")
