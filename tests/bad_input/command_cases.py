@@ -53,7 +53,7 @@ def _lines(mesh):
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
 
 
-#: the meshes of commands.toml, whose rows are what is wrong, the mesh, the command, its status
+#: the meshes of commands.toml, by which its rows name them
 MESHES = {
     "good": GOOD,
     "lines": _edited(_lines),
@@ -154,9 +154,9 @@ FILES = [
 def cases():
     """Groups, requests, verdicts, places, permissions, a full disk, geometries."""
     for kind in ("groups", "request", "verdicts"):
-        for what, mesh, (first, *rest), status in COMMANDS[kind]:
+        for what, mesh, (first, *rest), status, *says in COMMANDS[kind]:
             command = (*(CUT if first == "CUT" else (first,)), *rest)
-            yield Case(kind, "any", what, MESHES[mesh], status, command)
+            yield Case(kind, "any", what, MESHES[mesh], status, command, *says)
     for what, make, out, status in PLACES:
         yield Case("output", "any", what, make, status, out=out)
     yield Case("permission", "any", "the folder of the output takes no files", _closed, nobody=True)

@@ -121,18 +121,6 @@ def test_a_stray_node_does_not_bring_the_others_together():
     assert "coincident-nodes" not in check(replace(mesh, points=points), "slave", "master").rules
 
 
-@pytest.mark.slow
-def test_thousands_of_nodes_at_one_place():
-    n = 4000
-    turn = np.linspace(0, 1, n + 1)[:-1] * 0.5 * np.pi
-    rings = [np.stack([np.cos(turn + more), np.sin(turn + more)], axis=1) for more in (0, 1e-4)]
-    cells = np.arange(3 * n).reshape(3, n).T
-    blocks = [("TRIA3", cells), ("SEG2", cells[:1, 1:])]
-    mesh = Mesh.create(np.concatenate([np.zeros((n, 2)), *rings]), blocks, cell_groups={"slave": [n]})
-    (finding,) = check(mesh, "slave").of_rule("coincident-nodes")
-    assert len(finding.nodes) == n and "1 point " in finding.message
-
-
 def test_every_node_of_a_place_inside_an_edge_is_found():
     points = np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0.5, 0, 0]])
     subject = SimpleNamespace(mesh=SimpleNamespace(points=points), finite=np.ones(6, bool))
@@ -294,20 +282,6 @@ def test_the_commands_take_pairs(run, monkeypatch):
     drawn = plotter.call_args.kwargs
     assert drawn["slave"] == [a for a, _ in PAIRS] and drawn["master"] == [b for _, b in PAIRS]
     assert any("head on flange" in finding.message for finding in drawn["findings"])
-
-
-@pytest.mark.parametrize("command", ["check", "cut", "view"])
-def test_several_of_both_are_a_wrong_command(run, command):
-    lacmesh.write("bolted.msh", bolted())
-    more = {"check": "", "cut": "-o cut.msh", "view": "--check -o page.html"}[command]
-    pairs = f"lacmesh {command} bolted.msh --pair head:flange --pair base:floor"
-    for words, told in (
-        ("--slave head --slave base --master flange --master floor", pairs),
-        ("--pair head:flange --master floor", "leave out --slave and --master"),
-        *([] if command == "view" else [("", "give --slave GROUP")]),
-    ):
-        assert told in run(f"{command} bolted.msh {words} {more}", 2)
-    assert [path.name for path in Path().iterdir()] == ["bolted.msh"]
 
 
 def test_the_page_lists_every_rule():
