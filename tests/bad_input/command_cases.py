@@ -130,6 +130,7 @@ MESH = ("mesh", "{in}", "-o", "{out}", "--force")
 LIST = ("mesh", "{in}", "--list")
 #: format, what is wrong, content, status, words of gmsh
 FILES = [
+    ("STEP", "missing", lambda folder: (folder / "good.step").touch(), 3, "No such file"),
     ("STEP", "empty", b"", 3, ""),
     ("STEP", "text", b"Dear all,\n", 3, ""),
     ("STEP", "a picture (PNG)", png(), 3, ""),
@@ -191,8 +192,8 @@ def _geometry():
     for name, what, content, status, says in FILES:
         yield Case("geometry", name, what, content, status, MESH, says, needs="gmsh")
     yield Case("geometry", "STEP", "no shape in it, listed", _STEP, 3, LIST, needs="gmsh")
-    for what, options in COMMANDS["wishes"]:
-        yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), needs="gmsh")
+    for what, options, *says in COMMANDS["wishes"]:
+        yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), *says, needs="gmsh")
     yield Case("geometry", "any", "a mesh", b"$MeshFormat\n", 2, MESH)
     yield Case("geometry", "any", "no CAD file has the suffix", png(), 2, MESH, file="bad.png")
     for what, size in (("no room for temporary files", 0), ("no room for gmsh's mesh", 2000)):

@@ -189,36 +189,6 @@ def bolted():
     ).only("body", "head", "flange", "floor", "base")
 
 
-@pytest.mark.slow
-def test_each_pair_is_examined_by_itself():
-    """With both masters at once the head is whole, with a gap up to 0.5; alone 7 of its 10 faces have a master."""
-    mesh = bolted()
-    mixed = check(mesh, "head", ["flange", "floor"], search_distance=1.0).summary
-    assert mixed["covered"] == pytest.approx(1.0) and mixed["gap"]["max"] == pytest.approx(0.5)
-    found = check(mesh, pairs=PAIRS, search_distance=1.0)
-    head, base = found.summary["pairs"]
-    alone = check(mesh, "head", "flange", search_distance=1.0).summary
-    assert (head["slave"], head["master"]) == PAIRS[0] and (base["slave"], base["master"]) == PAIRS[1]
-    assert head["gap"] == alone["gap"] and head["covered"] == alone["covered"] == pytest.approx(0.7)
-    counts = [head[f"{what}_macro_elements"] for what in ("covered", "partly_covered", "uncovered")]
-    assert counts == [7, 0, 3] and base["covered"] == pytest.approx(1.0)
-    assert "gap" not in found.summary and found.summary["slave"] == ["head", "base"]
-    (partial,) = found.of_rule("partial-coverage")
-    assert partial.message.startswith("head on flange: of 10 macro-elements, 3 do not")
-    assert partial.as_dict()["where"]["pair"] == ("head", "flange") and partial.where.group == "head"
-    assert [f.message.split(":")[0] for f in found.of_rule("gap")] == ["head on flange", "base on floor"]
-    # a skin in two pairs is told once
-    found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
-    assert len(found.of_rule("not-cut")) == len(check(mesh, "head", "flange").of_rule("not-cut")) == 1
-    assert [round(one["covered"], 9) for one in found.summary["pairs"]] == [0.7, 0.3]
-    # one pair is a slave and a master, and a group may be a number
-    mesh = replace(mesh, cell_groups={**mesh.cell_groups, "5": mesh.cell_groups["head"]})
-    for slave in ("head", np.int64(5), [np.int32(5)]):
-        one = check(mesh, slave, "flange").as_dict()
-        name = "head" if slave == "head" else "5"
-        assert one == check(mesh, pairs=[(name, "flange")]).as_dict()
-
-
 def test_what_one_pair_has_is_no_fault_of_another():
     """Nodes that the slave of one pair shares with the master of another are told where it is its own master."""
     mesh = bolted()
