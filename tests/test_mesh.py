@@ -5,7 +5,6 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lacmesh
-from lacmesh import Mesh, cut_skin, generate, measure_quality, orient, raise_order, read
+from lacmesh import Mesh, cut_skin, generate, measure_quality, orient, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.mesh import Periodic
@@ -25,9 +24,7 @@ from tests.samples import samples
 from verification.measures.cutting import same_up_to_numbers, sizes
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.rings import octant, ring, sleeve
-from verification.solving import solve
 
-DATA = Path(__file__).resolve().parents[1] / "data"
 MODULES = "formats mesh errors checks quality surface gmsh cutting"
 TARGETS = {
     "2": {"TRIA3": "TRIA6", "QUAD4": "QUAD8", "TETRA4": "TETRA10", "HEXA8": "HEXA20", "PENTA6": "PENTA15",
@@ -273,11 +270,3 @@ def test_a_cell_that_curved_edges_would_make_invalid_keeps_straight_ones(dim):
     inner, outer = (nodes_of(raised, name) for name in ("inner", "outer"))
     assert np.linalg.norm(raised.points[inner, :2], axis=1).min() < 0.96
     np.testing.assert_allclose(np.linalg.norm(raised.points[outer, :2], axis=1), 2.0, atol=1e-14)
-
-
-@pytest.mark.slow
-def test_the_fit_of_the_data_has_the_pressures_of_lame():
-    """Within 4 % everywhere, for 75 % with its linear cells and 7 % with quadratic ones that are straight."""
-    case = (DATA / "press_fit.toml").read_text(encoding="utf-8")
-    pressure = solve(case, raise_order(read(DATA / "press_fit.msh"))).zone.pressure
-    np.testing.assert_allclose(pressure, 63.46, rtol=0.04)

@@ -1,6 +1,6 @@
 """Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -18,7 +18,6 @@ from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
 from tests.meshes import box, dressed, facets_of, random_mesh
-from tests.partition.compare import differences
 from tests.samples import each_option
 
 PARTS = (1, 2, 5)
@@ -207,6 +206,22 @@ def test_a_wrong_rank_or_group_is_refused(skip, rank, groups, error, says):
 
 
 # ---- parts that are cut are parts of the whole cut, cell by cell
+
+
+def differences(one, other, place="part"):
+    """The places at which two values, or parts, field by field, differ in value or type."""
+    if isinstance(one, np.ndarray):
+        same = one.dtype.kind == other.dtype.kind and one.shape == other.shape
+        return [] if same and np.array_equal(one, other, equal_nan=one.dtype.kind == "f") else [place]
+    if is_dataclass(one):
+        one, other = ({f.name: getattr(k, f.name) for f in fields(k)} for k in (one, other))
+    elif isinstance(one, tuple) and isinstance(other, tuple):
+        one, other = (dict(enumerate(k)) for k in (one, other))
+    if not isinstance(one, dict):
+        return [] if one == other else [f"{place}: {one} {other}"]
+    if one.keys() != other.keys():
+        return [place]
+    return [where for name in one for where in differences(one[name], other[name], f"{place}.{name}")]
 
 
 def with_slave(mesh, *owned, copies=1, numbers=range(6)):
