@@ -10,8 +10,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
+from lacmesh.gmsh import to_mesh
 from lacmesh.mesh import Mesh, Model, Periodic, Step
-from tests.formats.msh_meshes import as_seen, by_place, decided, entities, meshes, places, plain, seen_by, two_boxes
+from tests.formats.msh_meshes import as_seen, decided, entities, meshes, places, plain, seen_by, two_boxes
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.texts import ASCII4, OLD, swapped
 from tests.meshes import lenient
@@ -106,7 +107,7 @@ def test_files_of_gmsh(gmsh, tmp_path, version, binary, order, parts, save_all):
     two_boxes(gmsh, order, parts)
     path = tmp_path / "boxes.msh"
     save(gmsh, path, version, binary, save_all)
-    groups, every = by_place(gmsh)
+    groups, every, _ = places(to_mesh())
     with lenient():
         mesh = msh.read(path)
         got, rows, n = places(mesh)
