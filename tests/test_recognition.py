@@ -15,7 +15,7 @@ from lacmesh.errors import CutError, GroupNotFoundError, RequestError
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
 from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
-from tests.test_cut_cells import BODIES, CUTS, after_aster, cuts
+from tests.test_cut import BODIES, CUTS, after_aster, cuts
 
 
 def facts(cut):
@@ -198,15 +198,6 @@ def test_faces_that_look_like_a_cut_are_cut_unless_recognition_is_requested(mesh
         found = lacmesh.check(mesh, "slave", recognise=option)
         assert found.summary["macro_elements"] == count
         assert ("recognised" in {f.rule for f in found}) == (option is True)
-
-
-def test_an_o_grid_beside_more_faces_is_cut():
-    """It was refused, as cut before."""
-    grid = o_grid(0.5)
-    points = np.vstack([grid.points, np.add(grid.points, [2, 0, 0])])
-    more = [np.vstack([grid.block(kind), grid.block(kind) + 16]) for kind in ("HEXA8", "QUAD4")]
-    mesh = Mesh.create(points, [("HEXA8", more[0]), ("QUAD4", more[1][:9])], cell_groups={"slave": 10 + np.arange(9)})
-    assert cut_skin(mesh, "slave").n_macros == 9
 
 
 @pytest.mark.parametrize("zone", ["slave", "loaded"])

@@ -19,10 +19,9 @@ from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, in_quad
 from lacmesh.surface.patches import candidates, patches
 from lacmesh.surface.points import face_measure, reaches
 from lacmesh.surface.polygon import ROOM, make_room, nearest_only
-from lacmesh.surface.record import mean_normals
 from tests.meshes import cell_with_faces
 from tests.samples import samples
-from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
+from tests.surface.surfaces import TYPES, line, mapped, sheet, whole
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
@@ -314,48 +313,6 @@ def test_meshes_that_coincide_or_nearly_do(kind, shift):
 
 
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim >= 2 and cell.facets]
-
-
-@pytest.mark.parametrize("name", SOLIDS)
-@pytest.mark.parametrize("inward", [False, True])
-def test_normals_leave_the_cell_behind_whatever_way_faces_are_listed(name, inward):
-    mesh = cell_with_faces(name, range(len(CELLS[name].facets)), rotation=1, inward=inward)
-    surface = Surface.of(mesh, mesh.cell_groups["slave"])
-    normal, centre = mean_normals(surface)
-    (corners,) = [b.nodes[0, : CELLS[name].n_corners] for b in mesh.blocks if b.type == name]
-    out = centre - mesh.points[corners].mean(axis=0)
-    assert ((normal * out).sum(axis=1) > 0).all()
-    assert (surface.depth > 0).all()
-    assert np.allclose((face_measure(surface)[:, None] * normal).sum(axis=0), 0, atol=1e-12)
-
-
-def test_a_cell_that_is_inside_out_still_has_an_outside():
-    mesh = cell_with_faces("HEXA8", range(6))
-    turned = Mesh.create(
-        mesh.points,
-        [(b.type, b.nodes[:, [4, 5, 6, 7, 0, 1, 2, 3]] if b.type == "HEXA8" else b.nodes) for b in mesh.blocks],
-    )
-    skin = mesh.cell_groups["slave"]
-    assert np.array_equal(Surface.of(turned, skin).faces.nodes, Surface.of(mesh, skin).faces.nodes)
-
-
-def test_duplicates_are_taken_once_and_bare_skins_keep_their_orientation():
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    mesh = Mesh.create(points, [("QUAD4", [[3, 2, 1, 0], [0, 1, 2, 3]])], space_dim=3)
-    surface = whole(mesh)
-    assert surface.cell.tolist() == [0] and surface.faces.nodes[0, :4].tolist() == [3, 2, 1, 0]
-    assert np.isnan(surface.depth[0])
-
-
-def test_a_face_between_two_cells_keeps_its_orientation():
-    mesh = blocks(1, 0.0, 1.0)
-    lower = mesh.block("HEXA8")[0]
-    points = np.concatenate([mesh.points, mesh.points[lower[:4]] - [0, 0, 1]])
-    second = np.concatenate([len(mesh.points) + np.arange(4), lower[:4]])
-    for face in (lower[:4], lower[[0, 3, 2, 1]]):
-        both = Mesh.create(points, [("HEXA8", [lower, second]), ("QUAD4", [face])])
-        surface = Surface.of(both, np.array([2]))
-        assert np.array_equal(surface.faces.nodes[0, :4], face) and np.isnan(surface.depth[0])
 
 
 TILTED = Mesh.create([[0, 0, 0], [1, 0, 1.0]], [("SEG2", [[0, 1]])], space_dim=3)
