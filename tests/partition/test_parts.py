@@ -1,4 +1,4 @@
-"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
+"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, bodies, and its cut."""
 
 from dataclasses import fields, is_dataclass, replace
 from itertools import product
@@ -13,10 +13,8 @@ from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacmesh.partition.parts import bisect
-from lacsolver.bodies.material import Elastic, Materials
-from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.space.space import Space
-from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
+from lacmesh.topology.bodies import label_bodies
+from tests.lacsolver.bodies import body, mixture, plane_mixture
 from tests.meshes import box, dressed, facets_of, random_mesh
 from tests.samples import each_option
 
@@ -89,6 +87,7 @@ def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed,
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
     whole = nodes_of_cells(mesh)
+    bodies = label_bodies([b.nodes for b in mesh.blocks if CELLS[b.type].dim == mesh.dim], mesh.n_nodes)
     parts = parts_of(mesh, n)
     assert sorted(np.concatenate([part.node[part.own] for part in parts])) == list(range(mesh.n_nodes))
     for part in parts:
@@ -110,39 +109,7 @@ def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed,
         assert np.array_equal(part.cell[small.file_order], in_file)
         assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
         assert np.array_equal(part.origin, origin_of_mesh(mesh))
-
-
-def stiffness(mesh, model, origin=None):
-    space = Space.of(mesh, model, thickness=0.4 if model == "plane_stress" else None)
-    if origin is not None:  # the whole mesh's, in place of that of the part
-        space.__dict__.pop("local", None)
-        space.__dict__["origin"] = origin
-    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3))).tocsr()
-
-
-SHAPES = [(name, model, lambda name=name: body(name, 2)) for name, model in PAIRS]
-SHAPES += [(f"mixture {order}", "3d", lambda order=order: mixture(order)) for order in ("1", "2", "2-full")]
-SHAPES += [(f"mixture {order}", "plane_strain", lambda order=order: plane_mixture(order)) for order in ("1", "2")]
-
-
-@pytest.mark.parametrize("name, model, make", each_option(SHAPES, of=lambda row: [row[0].rstrip("0123456789"), row[1]]))
-def test_own_rows_of_the_stiffness_are_those_of_the_whole_mesh(name, model, make):
-    """To round-off, with the origin of the whole mesh, which lies far from 0 and has two bodies."""
-    one = distorted(make(), 0.04, seed=4)
-    x = one.points + np.array([1e3, 1e3, 0.0])
-    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in one.blocks]
-    mesh = Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=one.space_dim)
-    space, K = stiffness(mesh, model)
-    dim, of_body = space.dim, space.bodies
-    for part in (part for n in PARTS for part in parts_of(mesh, n)):
-        own = stiffness(part.mesh, model, space.origin)[1][
-            (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
-        ]
-        columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
-        expected = K[columns[np.repeat(part.own, dim)]]
-        assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns[own.indices], expected.indices)
-        assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
-        assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
+        assert np.array_equal(part.body, bodies[part.node]) and part.n_bodies == bodies.max() + 1
 
 
 @pytest.mark.parametrize("n", PARTS)
