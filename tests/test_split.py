@@ -170,20 +170,6 @@ def test_a_section_makes_two_bodies(kind):
     assert findings.summary["gap"]["max"] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", BODIES)
-def test_an_edge_crack_keeps_its_front_closed(kind):
-    up = CELLS[kind].dim - 1
-    mesh = skins_of(kind, G=plane_of(up, 0.5, high=0.5))
-    parts = split_skins(mesh, ["G"])
-    assert parts.bodies == (1, 1)
-    on = mesh.nodes_on(mesh.cell_groups["G"])
-    front = on[np.isclose(mesh.points[on, 0], 0.5)]
-    assert (parts.n_sides == 1).sum() == len(front) and parts.mesh.n_nodes - mesh.n_nodes == len(on) - len(front)
-    findings = check(cut_skin(parts.mesh, "G_a"), master="G_b")
-    fronts = [f.rule for f in findings.of_severity("info") if "front" in f.rule]
-    assert not findings.errors and fronts == ["crack-front"]
-
-
 @pytest.mark.parametrize("kind", ["QUAD4", "HEXA20", "TETRA10"])
 @pytest.mark.parametrize(("half", "sides"), [(True, 3), (False, 4)])
 def test_junctions_have_a_node_for_each_side(kind, half, sides):
@@ -197,14 +183,6 @@ def test_junctions_have_a_node_for_each_side(kind, half, sides):
     assert (parts.n_sides == sides).sum() == line.sum()
     one = split(mesh, "G")
     assert parts.mesh.n_cells == split(one, "H").n_cells
-
-
-def test_a_junction_in_one_group():
-    """A sheet that branches: its parts have sides of their own."""
-    cross = skins_of("QUAD8", G=plane_of(1, 0.5), H=plane_of(0, 0.5)).renamed(H="G")
-    parts = split_skins(cross, ["G"])
-    assert parts.bodies == (1, 4)
-    assert len(parts.mesh.cell_groups["G_a"]) == len(parts.mesh.cell_groups["G_b"]) == 8
 
 
 def side_a(mesh):

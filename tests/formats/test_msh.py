@@ -173,14 +173,6 @@ def test_numbers_that_are_not_distinct_are_counted_again(tmp_path, version, bina
     assert read.node_groups["g"].tolist() == [1]
 
 
-def test_partitions_are_tags_of_msh_22(tmp_path):
-    partition = np.array([1, -1, 2], np.int32)
-    mesh = Mesh.create(np.eye(3), [("SEG2", [[0, 1], [1, 2], [2, 0]])], cell_data={"partition": partition})
-    assert again(tmp_path, mesh, "2.2", False).cell_data["partition"].tolist() == [1, -1, 2]
-    content = (tmp_path / "again.msh").read_text()
-    assert "ElementData" not in content and "\n1 1 4 0 1 1 1 1 2\n2 1 2 0 1 2 3\n3 1 4 0 1 1 2 3 1\n" in content
-
-
 @pytest.mark.parametrize("version", ["4.1", "2.2"])
 def test_what_msh_cannot_hold_is_an_error(tmp_path, version):
     big = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], node_number=np.array([1, 2, 2**40]))

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lacmesh import Cut, Mesh, cut_skin, read
+from lacmesh import Mesh, cut_skin, read
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
@@ -110,28 +110,6 @@ def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed,
         assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
         assert np.array_equal(part.origin, origin_of_mesh(mesh))
         assert np.array_equal(part.body, bodies[part.node]) and part.n_bodies == bodies.max() + 1
-
-
-@pytest.mark.parametrize("n", PARTS)
-def test_skins_are_whole_in_every_part_with_the_cells_that_touch_them(n):
-    cut = cut_skin(read(BLOCKS), "slave", hexa="hexa")  # a child in six has no node on the skin
-    mesh = cut.mesh
-    faces = {name: mesh.cell_groups[name].tolist() for name in ("slave", "master")}
-    nodes, parent = nodes_of_cells(mesh), mesh.cell_data["lac_parent"].tolist()
-    skins = {c for cells in faces.values() for c in cells}
-    on = {node for c in skins for node in nodes[c]}
-    around = {c for c in range(mesh.n_cells) if on & set(nodes[c])}
-    cut_up = {parent[c] for c in around} - {-1}
-    siblings = {c for c in range(mesh.n_cells) if parent[c] in cut_up}
-    assert len(around) > len(skins) and siblings - around
-    for part, bare in zip(parts_of(mesh, n, everywhere=["slave", "master"]), parts_of(mesh, n), strict=True):
-        assert set(part.cell.tolist()) == {*bare.cell.tolist(), *around, *siblings}
-        assert {name: part.cell[part.mesh.cell_groups[name]].tolist() for name in faces} == faces
-        small = Cut(part.mesh)
-        assert small.n_macros == cut.n_macros and small.zones == cut.zones
-        for k in range(cut.n_macros):
-            assert part.cell[small.faces_of_macro[k]].tolist() == cut.faces_of_macro[k].tolist()
-            assert part.node[small.internal_nodes[k]].tolist() == cut.internal_nodes[k].tolist()
 
 
 def test_nodes_that_all_need_are_in_all_parts():
