@@ -143,22 +143,6 @@ def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
     assert np.allclose(np.abs(sharp.normal[:, 0]), np.sqrt(0.5)) and np.abs(blunt.normal[:, 0]).min() < 0.6
 
 
-def plate(z0, z1):
-    """The skin of a plate one hexahedron thick and 4 x 4 wide, its lower side first."""
-    mesh = generate.box((4, 4, 1), (1, 1, z1 - z0), corner=(0, 0, z0))
-    return Surface.of(mesh, np.concatenate([mesh.cell_groups[name] for name in ("bottom", "top")]))
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.01, -0.01])
-def test_thin_plates_pair_only_the_sides_that_face(gap):
-    upper, lower = plate(gap, gap + 0.05), plate(-0.05, 0.0)
-    p = contact_points(upper, lower)
-    found = coverage(p, upper)
-    assert np.array_equal(found.ratio > 0.5, np.arange(32) < 16)
-    assert np.allclose(found.ratio[:16], 1) and not found.ratio[16:].any()
-    assert np.allclose(p.gap, gap, atol=1e-14) and (p.master >= 16).all()
-
-
 @pytest.mark.parametrize("flat", [True, False])
 def test_of_two_layers_the_nearest_counts_and_coverage_stays_below_one(flat):
     near, far = (make(n, z, down=True) for make, n, z in ((line if flat else sheet, *a) for a in ((4, 0.05), (3, 0.1))))
