@@ -389,18 +389,6 @@ def test_numbers_that_do_not_fit_and_lines(tmp_path):
     assert sum(line.endswith(",") for line in lines) == 1  # the element goes on; the set's lines are whole
 
 
-@pytest.mark.parametrize("back", [False, True])
-def test_of_two_cells_behind_a_face_the_one_it_turns_from(tmp_path, back):
-    """An interface listed outward of its second cell is that cell's face."""
-    points = [[x, y, z] for z in (0, 1, 2) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    solid = [list(range(8)), list(range(4, 12))]
-    face = [4, 7, 6, 5] if back else [4, 5, 6, 7]
-    mesh = Mesh.create(points, [("HEXA8", solid), ("QUAD4", [face])], cell_groups={"middle": [2]})
-    inp.write(tmp_path / "a.inp", mesh)
-    face = "2, S1" if back else "1, S2"
-    assert f"*SURFACE, NAME=middle, TYPE=ELEMENT\n{face}\n" in (tmp_path / "a.inp").read_text()
-
-
 @pytest.mark.parametrize(
     ("line", "members"), [(" 2, 4", [2, 4]), ("GENERATE\n 2, 4, 2", [2, 4]), ("UNSORTED\n 4,", [4])]
 )

@@ -308,20 +308,3 @@ def test_gaps_of_smooth_skins_have_the_round_off_of_those_of_faces(kind, skew):
     rng = np.random.default_rng(0)
     found = [gaps(*(side.at(side.x + 1e-15 * rng.uniform(-1, 1, side.x.shape)) for side in both)) for _ in range(8)]
     assert np.ptp(found, axis=0).max() < 1e-15
-
-
-def turned_over(mesh):
-    """The mirror image in x of a mesh of faces, each of which starts at another corner."""
-    faces = [(block.type, np.roll(block.nodes[:, ::-1], 1, axis=1)) for block in mesh.blocks]
-    return Mesh.create(mesh.points * [-1, 1, 1], faces)
-
-
-@pytest.mark.rows("TRIA3-TRIA3-smoothed", "QUAD4-QUAD4-facet")
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
-@pytest.mark.parametrize(("slave", "master"), [*product(("TRIA3", "QUAD4"), repeat=2)])
-def test_a_mirror_image_has_the_same_gaps(slave, master, normals):
-    meshes = rolled(skins.waves, 4, slave), rolled(skins.waves, 3, master, down=True)
-    mirrored = [turned_over(mesh) for mesh in meshes]
-    found = [gaps(*map(with_heights, sides), normals=normals) for sides in (meshes, mirrored)]
-    assert np.abs(found[0]).max() > 1e-5
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-15)
