@@ -12,7 +12,7 @@ from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
-from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
+from tests.checks.blocks import cut_blocks, two_blocks
 from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
 from tests.test_cut import BODIES, CUTS, after_aster, cuts
@@ -126,14 +126,6 @@ def test_code_aster_cut(path):
 # ---- what is not cut
 
 
-@pytest.mark.parametrize("name", SOLIDS)
-def test_uncut_blocks(name):
-    mesh = two_blocks(name)
-    assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
-    whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")  # their faces own an internal dof
-    assert (recognise(mesh, "slave") is not None) == whole
-
-
 def fan(*triangles):
     """Triangles around the middle of an edge of the boundary, which is the last node."""
     points = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]]
@@ -200,17 +192,6 @@ def test_faces_that_look_like_a_cut_are_cut_unless_recognition_is_requested(mesh
         assert ("recognised" in {f.rule for f in found}) == (option is True)
 
 
-@pytest.mark.parametrize("zone", ["slave", "loaded"])
-@pytest.mark.parametrize("name", ["HEXA8", "TETRA4"])
-def test_one_of_two_zones(name, zone):
-    """The nodes of the other zone's cut come after those of this one's, or before, or among them."""
-    cut = cut_skin(two_blocks(name), ["slave", "loaded"], hexa="hexa")
-    twice = cut_skin(without_records(cut_skin(two_blocks(name), "slave", hexa="hexa").mesh), "loaded", hexa="hexa")
-    for mesh in (cut.mesh, twice.mesh):
-        macros = np.count_nonzero(cut.zone_of_face[[f[0] for f in cut.faces_of_macro]] == cut.zones.index(zone))
-        assert recognise(without_records(mesh), zone).n_macros == macros
-
-
 # ---- what is asked for
 
 
@@ -255,9 +236,3 @@ def test_groups_that_are_missing_or_have_no_faces():
         recognise(two_blocks(), [])
     mesh = replace(two_blocks(), cell_groups={"none": np.empty(0, int), "body": np.arange(3)})
     assert recognise(mesh, "none") is None and recognise(mesh, "body") is None
-
-
-def test_a_recognised_cut_has_the_multipliers_of_code_aster():
-    cut = cut_blocks("HEXA20", "hexa")
-    a, b = (lacmesh.aster_multipliers(one) for one in (Cut(cut), recognise(without_records(cut), "slave")))
-    assert np.array_equal(a.nodes, b.nodes) and np.array_equal(a.patch_code, b.patch_code)

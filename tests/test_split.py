@@ -210,13 +210,6 @@ def test_the_normal_points_from_a_to_b_wherever_the_model_lies(kind):
     assert np.allclose(side_a(split(replace(alike, points=alike.points + shift), "G")), below + shift)
 
 
-def test_a_closed_sheet_has_side_a_inside():
-    mesh = skins_of("HEXA8", G=lambda x: np.isclose(abs(x - 0.5).max(axis=0), 0.25))
-    parts = split_skins(mesh, ["G"])
-    assert len(mesh.cell_groups["G"]) == 24 and parts.bodies == (1, 2)
-    assert (abs(side_a(parts.mesh) - 0.5) < 0.25).all()
-
-
 def test_a_moebius_strip_is_refused():
     """A ring of twisted hexahedra around a strip of quadrangles that closes with half a turn."""
     n = 12

@@ -266,13 +266,6 @@ def test_four_faces_are_a_square(name):
     assert set(names(revolved(MERIDIANS[name](4), 4))) <= {"plane", "free form"}
 
 
-def test_tetrahedra_that_turn_by_more_than_others():
-    """Twelve faces around, of which some turn by 41 degrees: such a skin was of free form, sharp here and there."""
-    mesh = rings({"kind": "TETRA4", "n": 12, "radii": (0.6, 1), "heights": (0, 0.4, 0.8, 1.2), "twist": 0.15}, dim=3)
-    (one,) = fit_surface(mesh, "outer")
-    assert (one.shape, one.nodes) == ("cylinder", 48) and one.turn > 40
-
-
 def test_smoothed_normals_go_over_the_same_edges():
     """Normals at the nodes of a circle are radial, and those of the faces where the angle is given."""
     mesh = chain(around(8)[::-1])
