@@ -23,7 +23,7 @@ from tests.meshes import cell_with_faces, facets_of, pad, random_mesh
 from tests.samples import samples
 from verification.measures.cutting import same_up_to_numbers, sizes
 from verification.meshes.blocks import bent, nodes_of
-from verification.meshes.rings import octant, ring, sleeve
+from verification.meshes.rings import sleeve
 
 MODULES = "formats mesh errors checks quality surface gmsh cutting"
 TARGETS = {
@@ -230,15 +230,6 @@ def test_new_nodes_lie_on_cylinders_and_cones_up_to_their_rims(kind, slope, orde
     np.testing.assert_allclose(way[ends, 2], 0.0, atol=1e-15)
     others = np.setdiff1d(np.arange(raised.n_nodes), np.concatenate(skins))
     assert (way[others] == 0).all() and validity_of(raised).min() > 0.2
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("shape", [octant("TETRA4", (2, 3), (1.0, 2.0)), ring("QUAD4", (2, 5), (1.0, 2.0))])
-def test_new_nodes_lie_on_spheres_and_circles(shape, order):
-    raised = raise_order(shape, order, surface="smooth")
-    r = [np.linalg.norm(raised.points[nodes_of(raised, name)], axis=1) for name in ("low", "high")]
-    np.testing.assert_allclose(r[0], 1.0, atol=1e-14)
-    np.testing.assert_allclose(r[1], 2.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", ["TETRA4", "HEXA8"])
