@@ -160,7 +160,8 @@ class Drawing:
         if opacity == 1:
             self._edges(part, np.arange(len(cell)), EDGE, 1.5)
         surface = part.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
-        self._lines(surface.clean().extract_feature_edges(40, manifold_edges=False), CREASE, 3.2)
+        kinds = {"manifold_edges": False, "non_manifold_edges": False}  # the latter lie between bodies that touch
+        self._lines(surface.clean().extract_feature_edges(40, **kinds), CREASE, 3.2)
         bodies = np.unique(body).tolist()
         if len(bodies) > 1 and self.body.max() < _NAMED and (values is None or values.on_skin):
             names = body_names(self.mesh, self.body, int(self.body.max()) + 1)

@@ -5,10 +5,12 @@ import re
 import shutil
 from contextlib import chdir, redirect_stdout
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lacmesh.cli import main as lacmesh_main
 from lacsolver import CaseError
 from lacsolver.cli import main
 from tests.formats.decks import E, K, P, pressed, tables
@@ -29,6 +31,7 @@ from tests.lacsolver.deck_texts import (
     solved,
 )
 from tests.samples import samples
+from tests.viewing import DATA
 
 PROGRAM = shutil.which("ccx")
 pytestmark = pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
@@ -311,3 +314,25 @@ def test_the_forces_of_a_foot_are_those_of_calculix(dragged):
     np.testing.assert_allclose(at, times, rtol=1e-6)
     off = force[:, 2] / np.array([row[0] for row in rows])[:, 2] - 1
     assert np.abs(off).max() < 0.1 and np.abs(off).mean() < 0.04
+
+
+@pytest.mark.calculix
+def test_the_punch_has_the_same_forces_in_both_programs_and_its_cut_deck_too(tmp_path):
+    """data/punch.inp: by CalculiX as it is and with its slave cut, and imported; one pressure for each face here."""
+    shutil.copy(DATA / "punch.inp", tmp_path)
+    with chdir(tmp_path), redirect_stdout(StringIO()):
+        assert lacmesh_main(["cut", "punch.inp", "--slave", "slave", "-o", "cut.inp"]) == 0
+        assert main(["import", "punch.inp", "-o", "punch.toml"]) == 0
+        assert main(["run", "punch.toml", "-o", "punch"]) == 0
+        steps = json.loads(Path("punch/results.json").read_text())["steps"]
+        table = np.genfromtxt("punch/contact_slave.csv", delimiter=",", names=True)
+    forces, pressures = [], []
+    for name in ("punch", "cut"):
+        text = run_calculix(tmp_path / f"{name}.inp", PROGRAM)
+        forces.append(float(text.split("total force")[1].split("\n")[2].split()[1]))
+        rows = np.array([line.split()[2] for line in re.findall(r"^ +\d+ +\d  +-?\d.*", text, re.MULTILINE)], float)
+        pressures.append(rows.max())
+    (before, after), lac = forces, steps[-1]["reactions"]["bottom"][1]
+    assert after == pytest.approx(before, rel=1e-3) and lac == pytest.approx(before, rel=5e-3)
+    (before, after), lac = pressures, table["pressure"].max()
+    assert after == pytest.approx(before, rel=5e-2) and 0.9 * before < lac < before

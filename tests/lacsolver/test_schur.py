@@ -200,7 +200,7 @@ def static(count, *records, counts=(7, 6)):
 def impact():
     """A disc on a wall, small kinematics: rows close and open one after the other."""
     text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("body", vy=-0.1) + steps(4.0, 50)
-    return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01), "slave")))
+    return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01))))
 
 
 @pytest.mark.rows("dynamics")
