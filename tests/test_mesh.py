@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import lacmesh
 from lacmesh import Mesh, cut_skin, generate, measure_quality, orient, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.errors import CutError, GroupNotFoundError, LacmeshWarning, RequestError
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Periodic
 from lacmesh.quality import validity_of
 from tests.checks.blocks import two_blocks
@@ -102,13 +102,6 @@ def test_a_group_by_its_name_or_tag(spec):
         assert cut_skin(mesh, spec).zones == ("slave",)
         assert lacmesh.check(mesh, spec).summary["slave_faces"] == 4
         assert lacmesh.recognise(mesh, spec) is None
-
-
-@pytest.mark.parametrize("ask", [orient, measure_quality])
-def test_a_tag_that_is_not_there(ask):
-    for spec in (7, (2, 7), "2:7"):
-        with pytest.raises(GroupNotFoundError, match="no cell group named '"):
-            ask(two_blocks(), spec)
 
 
 @pytest.mark.parametrize("module", MODULES.split())

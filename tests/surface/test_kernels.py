@@ -1,4 +1,4 @@
-"""Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
+"""Surfaces and their neighbours; compiled polygons, rules, tree and clip, against plain twins."""
 
 import itertools
 import time
@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lacmesh import Mesh, join
-from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
@@ -310,9 +309,6 @@ def test_meshes_that_coincide_or_nearly_do(kind, shift):
 
 
 # ---- surfaces
-
-
-SOLIDS = [name for name, cell in CELLS.items() if cell.dim >= 2 and cell.facets]
 
 
 TILTED = Mesh.create([[0, 0, 0], [1, 0, 1.0]], [("SEG2", [[0, 1]])], space_dim=3)
