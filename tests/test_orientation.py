@@ -122,13 +122,6 @@ def test_each_facet_of_a_cell(name, inward):
         np.testing.assert_array_equal(*sizes)
 
 
-def test_faces_between_two_cells_stay_and_are_named():
-    mesh = generate.box(2).with_groups("inner", inside=lambda x: np.isclose(x[2], 0.5))
-    found = analyse_orientation(mesh, mesh.cell_groups["inside"])
-    assert set(found.interface.tolist()) == set(mesh.cell_groups["inside"].tolist())
-    assert not len(found.to_flip)
-
-
 # ---- bare skins
 
 

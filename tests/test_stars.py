@@ -107,15 +107,6 @@ def test_quad8_are_cut_unless_pairs_are_asked_for():
     assert cut.n_macros == 8 and not lacmesh.check(cut.mesh, "top").errors
 
 
-@pytest.mark.parametrize("suffix", ["msh", "med", "vtu", "xdmf", "inp", "mail"])
-def test_files_keep_stars(tmp_path, suffix):
-    cut = lacmesh.cut_skin(box((5, 5, 1), kind="TETRA4"), "top", macro="stars")
-    lacmesh.write(tmp_path / f"a.{suffix}", cut.mesh)
-    read = lacmesh.read(tmp_path / f"a.{suffix}")
-    again = lacmesh.cut_skin(read, "top", macro="stars")
-    assert parts(again) == parts(cut) and (again.macro_of_node >= 0).sum() == cut.n_macros
-
-
 def test_code_aster_has_no_multipliers_for_stars_and_no_cut_is_recognised_in_them():
     cut = lacmesh.cut_skin(box((6, 6, 1), kind="TETRA4"), "top", macro="stars")
     with pytest.raises(CutError, match="macro = 'stars'"):

@@ -180,7 +180,7 @@ def test_a_deck_is_cut_twice(tmp_path):
 
 def test_elements_that_are_no_cells_keep_their_lines_and_numbers(tmp_path):
     """Orientation nodes of beams, couplings, elements of the user; children take other numbers than theirs."""
-    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D, ELSET=ref\n70, 8\n"
+    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D\n70, 8\n"
     with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams are left out; 1 elements of type DCOUP3D"):
         mesh = read_text(tmp_path, MESH + lines + MODEL)
     cut = cut_skin(mesh, "slave", hexa="hexa").mesh

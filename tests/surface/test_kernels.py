@@ -328,22 +328,6 @@ def test_what_is_no_surface_is_refused(mesh, cells, words):
         Surface.of(mesh, np.array(cells, int))
 
 
-@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "mixed"])
-def test_neighbours_share_an_edge_and_are_mutual(kind):
-    surface = whole(sheet(4, kind=kind))
-    for f, row in enumerate(surface.neighbours):
-        n = surface.n_corners[f]
-        for k, other in enumerate(row):
-            if k >= n or other < 0:
-                continue
-            edge = {surface.faces.nodes[f, k], surface.faces.nodes[f, (k + 1) % n]}
-            assert edge <= set(surface.faces.nodes[other].tolist()) and f in surface.neighbours[other]
-    border = (surface.neighbours < 0).sum() - (4 - surface.n_corners).sum()
-    assert border == 16
-    chain = whole(line(3)).neighbours
-    assert sorted(chain[1][:2].tolist()) == [0, 2] and (chain[[0, 2]] >= 0).sum() == 2
-
-
 def test_kinds_of_maps():
     flat = whole(sheet(3, kind="mixed 2"))
     assert set(kinds(coefficients(flat), flat.n_corners)[0]) == {AFFINE}

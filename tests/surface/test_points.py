@@ -143,19 +143,6 @@ def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
     assert np.allclose(np.abs(sharp.normal[:, 0]), np.sqrt(0.5)) and np.abs(blunt.normal[:, 0]).min() < 0.6
 
 
-@pytest.mark.parametrize("flat", [True, False])
-def test_of_two_layers_the_nearest_counts_and_coverage_stays_below_one(flat):
-    near, far = (make(n, z, down=True) for make, n, z in ((line if flat else sheet, *a) for a in ((4, 0.05), (3, 0.1))))
-    both = whole(join(far, mapped(near, lambda x: x * [0.6, 1, 1])))
-    slave = whole(line(5) if flat else sheet(5, skew=0.2))
-    p = contact_points(slave, both)
-    found = coverage(p, slave)
-    assert np.abs(found.covered / found.area - 1).max() < 1e-11
-    x = positions(p, slave, p.slave, p.xi_slave)[:, 0]
-    assert np.allclose(p.gap, np.where(x < 0.6, 0.05, 0.1))
-    assert np.isclose((p.weight * p.gap).sum(), 0.6 * 0.05 + 0.4 * 0.1)
-
-
 @pytest.mark.parametrize("side", ["slave", "master"])
 def test_nodes_beyond_the_axis_of_an_axisymmetric_model(side):
     def left(x):
