@@ -231,23 +231,6 @@ def test_the_tree_finds_what_brute_force_finds():
             assert pairs.other[pairs.start[k] : pairs.start[k + 1]].tolist() == row
 
 
-@pytest.mark.fuzz
-def test_pieces_are_what_the_plain_clip_gives():
-    for seed in range(samples(12, 60)):
-        slave, master = random_pair(seed)
-        s, m = patches(slave), patches(master)
-        if slave.dim == 1 or len(s.n) * len(m.n) > 4000:
-            continue
-        reach = reaches(slave, master, s, m, 10.0, 10.0)
-        pieces = clip(candidates(s, m, reach), s, m, reach)
-        found = np.zeros((len(s.n), len(m.n)))
-        np.add.at(found, (pieces.slave, pieces.master), pieces.area)
-        plain = np.array([[shared_area(s, a, m, b) for b in range(len(m.n))] for a in range(len(s.n))])
-        layered = plain.sum(axis=1) > s.area * (1 + 1e-9)
-        assert np.abs(found - plain)[~layered].max(initial=0) < 1e-12
-        assert (found.sum(axis=1) <= s.area * (1 + 1e-12)).all()
-
-
 corner = st.tuples(*[st.floats(-1, 1)] * 2)
 
 
