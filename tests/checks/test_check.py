@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -15,7 +14,7 @@ import lacmesh
 from lacmesh import Mesh, cut_skin
 from lacmesh.cells import CELLS, PIECES
 from lacmesh.checks import RULES, check
-from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
+from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, same_place
 from lacmesh.checks.request import split_pairs
 from lacmesh.errors import RequestError
 from lacmesh.generate import rectangle
@@ -23,8 +22,6 @@ from lacmesh.topology.skin import Faces
 from tests import REPOSITORY
 from tests.checks.blocks import two_blocks
 from tests.checks.corpus import CORPUS, HALVES
-from tests.meshes import pad
-from tests.samples import samples
 
 
 @pytest.mark.parametrize("name", CORPUS)
@@ -131,40 +128,6 @@ def test_every_node_of_a_place_inside_an_edge_is_found():
 
 
 # ---- faces that cross
-
-
-def enters(x, other):
-    """(k,): True where an edge of pieces x (k, m, 3) meets the inside of other ones, by the equations of that point."""
-    m = x.shape[1]
-    out = np.zeros(len(x), bool)
-    for k in range(m if m == 3 else 1):
-        start, stop = x[:, k, :m], x[:, (k + 1) % m, :m]
-        columns = np.concatenate([(start - stop)[:, None], other[:, 1:, :m] - other[:, :1, :m]], axis=1)
-        right = (start - other[:, 0, :m])[..., None]
-        t, *u = np.linalg.solve(columns.transpose(0, 2, 1), right)[..., 0].T
-        out |= (t >= 0) & (t <= 1) & (np.min(u, axis=0) > 0) & (np.sum(u, axis=0) < 1)
-    return out
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("seed", range(samples(1, 4)))
-@pytest.mark.parametrize("kinds", [("SEG2", "SEG3"), ("TRIA3", "QUAD4"), ("TRIA6", "QUAD8"), ("TRIA7", "QUAD9")])
-def test_faces_that_cross_are_those_of_all_pieces_compared(kinds, seed):
-    rng = np.random.default_rng(seed)
-    parts, points = [], []
-    for kind in kinds:
-        x = pad(CELLS[kind].reference) + rng.normal(0, 0.05, (15, CELLS[kind].n_nodes, 3))
-        x = x @ np.linalg.qr(rng.normal(size=(15, 3, 3)))[0] + rng.uniform(0, 6, (15, 1, 3))
-        parts.append((kind, sum(map(len, points)) + np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])))
-        points.append(x.reshape(-1, 3))
-    x = np.concatenate(points) * (np.array([1, 1, 0]) if kinds[0] == "SEG2" else 1)
-    faces = Faces.join(parts)
-    nodes, face = pieces_of(faces)
-    i, j = np.array([pair for pair in combinations(range(len(face)), 2) if face[pair[0]] != face[pair[1]]]).T
-    both = enters(x[nodes[i]], x[nodes[j]]) | (enters(x[nodes[j]], x[nodes[i]]) if nodes.shape[1] == 3 else False)
-    expected = np.unique(np.sort(np.stack([face[i], face[j]], axis=1)[both], axis=1), axis=0)
-    assert np.array_equal(crossing(x, faces), expected)
-    assert 0 < len(expected) < 400
 
 
 def test_neighbours_do_not_cross_and_a_copy_does():
