@@ -14,7 +14,7 @@ from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacmesh.partition.parts import bisect
 from lacmesh.topology.bodies import label_bodies
-from tests.lacsolver.bodies import body, mixture, plane_mixture
+from tests.lacsolver.bodies import body
 from tests.meshes import box, dressed, facets_of, random_mesh
 from tests.samples import each_option
 
@@ -215,16 +215,6 @@ FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interfaces(name, n, owners):
     for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):
         check(with_slave(body(name, 2), owners), n, hexa=hexa)
-
-
-@pytest.mark.rows("2-full-pyramid")
-@pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
-def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
-    """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
-    check(with_slave(mixture(order), 1), 5, hexa=hexa)
-    check(with_slave(mixture(order), 1, 2), 3, hexa=hexa)
-    check(with_slave(plane_mixture(order), 1, 2), 4, hexa=hexa)
-    check(with_slave(mixture(order), 1, copies=3), 2, hexa=hexa)  # other cells on the slave faces are cut too
 
 
 @pytest.mark.rows("6", "10")
