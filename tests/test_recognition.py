@@ -66,23 +66,6 @@ def test_another_ring(name, ring):
     same(cut, cut_skin(mesh, "slave", recognise=True))
 
 
-@pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
-@pytest.mark.parametrize(
-    "blocks",
-    [
-        [("TRIA3", [[0, 1, 2], [1, 3, 2]])],
-        [("QUAD4", [[0, 1, 3, 2], [1, 4, 5, 3]])],
-        [("SEG2", [[0, 1], [1, 4]]), ("TRIA3", [[2, 3, 5]])],
-    ],
-)
-def test_a_skin_without_cells_behind(blocks, hexa):
-    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [1, 1, 0.0], [2, 0, 0], [2, 1, 0]]
-    points = np.array(points) * [1, 1, len(blocks) == 1]  # in the plane with a cell elsewhere
-    mesh = Mesh.create(points, blocks, cell_groups={"s": [0, 1]}, space_dim=3 - (len(blocks) > 1))
-    cut = cut_skin(mesh, "s", skin_only=True, hexa=hexa)
-    same(cut, recognise(without_records(cut.mesh), "s"))
-
-
 def test_zones_keep_their_order():
     mesh = two_blocks("HEXA8")
     cut = cut_skin(mesh, ["slave", "loaded"])
