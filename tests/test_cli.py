@@ -201,23 +201,6 @@ def test_convert_there_and_back(msh, mesh, run, info):
     assert info("q.med")["cells_by_type"] == raise_order(mesh, "2-full").cells_by_type
 
 
-@pytest.mark.parametrize(
-    "command", ["convert part.msh", "orient part.msh --group slave -o", "cut part.msh --slave slave -o"]
-)
-@pytest.mark.parametrize(
-    ("target", "option", "words"),
-    [
-        *((target, "--msh 2.2", "--msh is for a .msh output, and ") for target in ("b.med", "b.vtu")),
-        *((target, "--ascii", "--ascii is for a .msh, .vtu or .xdmf output, and ") for target in ("b.med", "b.inp")),
-        ("b.msh", "--all-cells", "--all-cells is for an .inp output, and "),
-    ],
-)  # fmt: skip
-def test_an_option_that_the_format_does_not_take(command, target, option, words, msh, run):
-    """It was ignored: `convert x.msh b.med --msh 2.2 --ascii` wrote what it could."""
-    said = run(f"{command} {target} {option}", 2)
-    assert words in said and not Path(target).exists()
-
-
 # ---- what is written
 
 

@@ -187,15 +187,6 @@ def test_the_command_refuses_poor_cells_and_reports_before_it_cuts(msh, run):
     assert "no report is written" in run(f"{again} --report r.md") and not Path("r.md").exists()
 
 
-def test_a_cut_that_is_checked_reports_the_findings(run):
-    found = []
-    for master in ("--master master", ""):
-        run(f"{CUT} --report told.json -q --force -o out.msh {master}")
-        found.append(json.loads(Path("told.json").read_text()))
-    assert "gap" in [f["rule"] for f in found[0]["findings"]]
-    assert found[1]["findings"] is None and found[1]["name"] == "two_blocks.msh"
-
-
 # ---- the command: programs and masters
 
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import Mesh, check, cut_skin, measure_quality, orient
+from lacmesh import Mesh, check, cut_skin, measure_quality
 from lacmesh.drawing import Drawing
 from lacmesh.origin import format_coordinates, from_origin, origin_of, origin_of_mesh, size_of
 from tests.lacsolver.patch_meshes import stack
-from tests.meshes import same_nodes
 from verification.meshes.stacks import tilt
 
 FAR = (1e3, 1e7)
@@ -66,15 +65,6 @@ def test_quality(dim, far):
     assert set(worst[0]) & set(worst[1])  # all of those that are alike have the same right to be named
     for number in set(worst[0]) & set(worst[1]):
         np.testing.assert_allclose(worst[1][number], np.array(worst[0][number]) + shift, rtol=1e-14)
-
-
-@EVERY
-def test_cut_and_orient(dim, far):
-    there, here, shift = moved(dim, far)
-    for make in (lambda m: cut_skin(m, "slave").mesh, lambda m: orient(m, "slave")):
-        one, other = make(here), make(there)
-        assert same_nodes(one, other)
-        np.testing.assert_allclose(other.points - shift, one.points, atol=2e-16 * np.abs(shift).max())
 
 
 @pytest.mark.vtk

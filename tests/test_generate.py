@@ -129,14 +129,6 @@ def test_all_nodes_of_curved_sides_lie_on_them(shape, kind):
             assert (nodes_of(mesh, side)[:, axis] == 0).all()  # a plane of symmetry, exactly
 
 
-@pytest.mark.parametrize(
-    "make, exact", [(lambda n: disc(n, kind="QUAD8"), np.pi), (lambda n: sphere(n, kind="HEXA27"), np.pi / 6)]
-)
-def test_sizes_of_quadratic_cells_converge_with_the_fourth_power(make, exact):
-    first, second = (abs(size_of(make(n)) - exact) for n in (2, 4))
-    assert first / second > 12
-
-
 def test_lines_and_numbers_of_cells():
     mesh = box((2, [0.0, 0.5, 2.0, 5.0], 1), (2.0, 9.0, 1.0), corner=(1.0, 9.0, -1.0))
     assert mesh.cells_by_type == {"HEXA8": 6, "QUAD4": 2 * (6 + 3 + 2)}

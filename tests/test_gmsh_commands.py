@@ -330,22 +330,6 @@ def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, ru
 # ---- what is wrong (tests/bad_input/command_cases.py has the others)
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "status", "words"),
-    [
-        ("nothing.step", "", 3, "No such file"),
-        ("open.stl", "--dim 3", 1, "holds surfaces and no volume"),
-        *(("solids.step", f"--group {spec}", 2, "says no group") for spec in ("=1", "x=1,a", "x=box:0,0,0,1,1")),
-        ("solids.step", "--slave x", 2, "go together"),
-        ("solids.step", "--json", 2, "--json goes with"),
-    ],
-)
-def test_a_bad_file_or_request_is_one_sentence(files, name, options, status, words, run):
-    said = run(f"mesh {files / name} -o out.msh {options}", status)
-    assert said.count("\n") == 1 and re.search(words, said) and not list(Path().iterdir())
-    assert said.startswith("lacmesh: error: " + f"{files / name}" * (status != 2))
-
-
 def test_what_the_reader_of_step_says_is_repeated(run):
     """A file that ends early is an error that names the line; one that lacks some of its lines, a warning."""
     lines = LUG.read_text().splitlines(keepends=True)

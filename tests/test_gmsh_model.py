@@ -11,11 +11,8 @@ import pytest
 import lacmesh
 from lacmesh import Cut, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.recognition import recognise
-from lacmesh.cutting.records import without_records
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh
-from tests.checks.blocks import two_blocks
 from tests.formats.msh_meshes import entities, plain
 from tests.meshes import cell_with_faces, lenient, random_mesh
 
@@ -386,17 +383,6 @@ def test_every_cell_goes_into_a_model_and_back(name):
     from_mesh(mesh)
     mine, back = plain(mesh), plain(to_mesh())
     assert all(back[key] == mine[key] for key in ("points", "cells", "space_dim", "cell_groups", "name"))
-
-
-@pytest.mark.parametrize("name, hexa", [("TETRA4", "pyramid"), ("HEXA8", "pyramid"), ("HEXA20", "hexa")])
-def test_a_cut_without_records_that_gmsh_writes_is_recognised(gmsh, name, hexa, tmp_path):
-    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
-    from_mesh(without_records(cut.mesh), "cut")
-    gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
-    gmsh.write(str(tmp_path / "cut.msh"))
-    found = recognise(lacmesh.read(tmp_path / "cut.msh"), "slave")
-    inside = [sorted(c.mesh.points[np.concatenate(c.internal_nodes)].round(9).tolist()) for c in (cut, found)]
-    assert found.n_macros == cut.n_macros and inside[0] == inside[1]
 
 
 def test_a_wrong_mesh_leaves_no_model_behind(gmsh):

@@ -16,7 +16,7 @@ from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
 from lacmesh.topology.orientation import REVERSED, analyse_orientation, orient, reverse, skin_cells
-from tests.checks.blocks import SOLIDS, two_blocks
+from tests.checks.blocks import two_blocks
 from tests.checks.corpus import reversed_group
 from tests.meshes import cell_with_faces, random_mesh, same_nodes
 from tests.properties import DOFS, hold
@@ -46,14 +46,6 @@ def some_reversed(mesh, group, rng):
     """The mesh with about half of a group's faces turned over; and these."""
     chosen = mesh.cells_of(group)[rng.random(len(mesh.cells_of(group))) < 0.5]
     return reverse(mesh, chosen), chosen
-
-
-@pytest.mark.parametrize("name", SOLIDS)
-def test_the_top_of_a_block_looks_up(name):
-    mesh, turned = some_reversed(two_blocks(name), "slave", np.random.default_rng(1))
-    assert face_up(orient(mesh, "slave"), "slave").all() and not face_up(orient(mesh, "master"), "master").any()
-    found = analyse_orientation(mesh, mesh.cell_groups["slave"])
-    assert set(found.to_flip.tolist()) == set(turned.tolist())
 
 
 #: plane cells whose least corner turns the other way: a dart, and quadratic cells with a side bent far inward
@@ -128,13 +120,6 @@ def test_each_facet_of_a_cell(name, inward):
         assert face_out(after, "slave", mesh.points.mean(axis=0)).all()
         sizes = [measure(name, m.points[m.block(name)]) for m in (after, mesh)]
         np.testing.assert_array_equal(*sizes)
-
-
-def test_faces_between_two_cells_stay_and_are_named():
-    mesh = generate.box(2).with_groups("inner", inside=lambda x: np.isclose(x[2], 0.5))
-    found = analyse_orientation(mesh, mesh.cell_groups["inside"])
-    assert set(found.interface.tolist()) == set(mesh.cell_groups["inside"].tolist())
-    assert not len(found.to_flip)
 
 
 # ---- bare skins

@@ -1,9 +1,5 @@
 """Whole files, cut, written, and opened by the programs that people use; a generated twin of each always runs."""
 
-import json
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -12,7 +8,9 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
+from tests.checks.test_healthy import REAL
 from tests.formats.med_peer import ask
+from tests.formats.msh_meshes import seen_by
 from tests.meshes import random_mesh
 from tests.properties import CONFORMING, DOFS, KEPT, UNTOUCHED, hold
 from tests.samples import each_option, samples
@@ -20,35 +18,11 @@ from tests.test_recognition import same
 from verification.measures.cutting import sizes
 
 #: code_aster's meshes and the groups that its tests take as slave
-SLAVE = {
-    **{name: ["Group_1"] for name in ("ssnp170a", "ssnp170k", "ssnp170m")},
-    **{name: ["Group_2"] for name in ("ssnp170e", "ssnp173a")},
-    **{"ssnp150c": ["BAS"], "ssnv104k": ["CON2"], "ssnv104l": ["CON2"], "ssnv219e": ["ESCLAVE"]},
-    **{"zzzz383a": ["Edge_1", "Edge_2"], "zzzz383b": ["Edge_1"], "zzzz383c": ["Face_2"], "zzzz383d": ["Face_2"]},
-}
+SLAVE = {name: [slave] if isinstance(slave, str) else list(slave) for name, slave, *_ in REAL}
 OF_EACH_TEST = each_option([(name,) for name in sorted(SLAVE)], of=lambda row: [row[0][:-1]])
-GMSH = """
-import gmsh, json, sys
-gmsh.initialize(interruptible=False)
-gmsh.option.setNumber("General.Terminal", 0)
-gmsh.open(sys.argv[1])
-groups = {}
-for dim, tag in gmsh.model.getPhysicalGroups():
-    found = groups.setdefault(gmsh.model.getPhysicalName(dim, tag), [])
-    for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
-        for tags in gmsh.model.mesh.getElements(dim, entity)[1]:
-            found += [int(t) for t in tags]
-views = [gmsh.option.getString(f"View[{k}].Name") for k in range(len(gmsh.view.getTags()))]
-print(json.dumps({"groups": groups, "views": views, "nodes": len(gmsh.model.mesh.getNodes()[0])}))
-"""
 
 
-def gmsh_says(path):
-    done = subprocess.run([sys.executable, "-c", GMSH, path], capture_output=True, text=True, timeout=600, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-def opens_everywhere(mesh, slave, folder):
+def opens_everywhere(mesh, slave, gmsh, folder):
     """Cut; gmsh and medcoupling find the same groups, cell by cell, and the cut's records as fields."""
     cut = lacmesh.cut_skin(mesh, slave)
     hold(mesh, cut, CONFORMING, UNTOUCHED, DOFS, KEPT)
@@ -57,12 +31,15 @@ def opens_everywhere(mesh, slave, folder):
     msh, med = folder / "cut.msh", folder / "cut.med"
     lacmesh.write(msh, after)
     lacmesh.write(med, after)
-    seen = gmsh_says(msh)
-    assert seen["nodes"] == after.n_nodes
+    seen, found = seen_by(gmsh, msh), {}
+    assert len(seen["points"]) == after.n_nodes
+    for name, numbers in seen["groups"].values():
+        found.setdefault(name, set()).update(numbers)
     expected = {name: set(after.cell_number[g].tolist()) for name, g in after.cell_groups.items() if len(g)}
-    assert {name: set(tags) for name, tags in seen["groups"].items()} == expected
+    assert found == expected
+    views = {gmsh.view.option.getString(tag, "Name") for tag in gmsh.view.getTags()}
     records = {"lac_macro", "lac_zone", "lac_child", "lac_internal"}
-    assert records | ({"lac_parent"} if (cut.parent_of_cell >= 0).any() else set()) <= set(seen["views"])
+    assert records | ({"lac_parent"} if (cut.parent_of_cell >= 0).any() else set()) <= views
     said = ask("say", str(med))[str(med)]
     numbers = {kind: part["number"] for kind, part in said["types"].items()}
     groups = {name: {numbers[kind][row] for kind, row in cells} for name, cells in said["groups"].items() if cells}
@@ -85,8 +62,9 @@ def same_sign_as_parents(mesh, cut):
 @pytest.mark.medcoupling
 @pytest.mark.parametrize("name", OF_EACH_TEST)
 @pytest.mark.filterwarnings("ignore:.*left out")
-def test_code_aster_mesh(name, shared, tmp_path):
-    opens_everywhere(lacmesh.read(shared / "reference" / "meshes" / f"{name}.med"), SLAVE[name], tmp_path)
+def test_code_aster_mesh(name, shared, gmsh, tmp_path):
+    mesh = lacmesh.read(shared / "reference" / "meshes" / f"{name}.med")
+    opens_everywhere(mesh, SLAVE[name], gmsh, tmp_path)
 
 
 @pytest.mark.shared
@@ -110,7 +88,7 @@ def test_cuts_of_code_aster_meshes_are_recognised(shared, name):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("seed", range(1, 1 + samples(1, 3)))
-def test_generated_twin(dim, order, seed, tmp_path):
+def test_generated_twin(dim, order, seed, gmsh, tmp_path):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6)
     assert any(CELLS[b.type].dim == dim for b in mesh.blocks)
-    opens_everywhere(mesh, "slave", tmp_path)
+    opens_everywhere(mesh, "slave", gmsh, tmp_path)

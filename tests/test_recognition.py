@@ -12,10 +12,10 @@ from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.cutting.records import without_records
 from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
-from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
+from tests.checks.blocks import cut_blocks, two_blocks
 from tests.meshes import cell_with_faces, lenient, random_mesh, renumbered
 from tests.samples import samples
-from tests.test_cut_cells import BODIES, CUTS, after_aster, cuts
+from tests.test_cut import BODIES, CUTS, after_aster, cuts
 
 
 def facts(cut):
@@ -66,23 +66,6 @@ def test_another_ring(name, ring):
     same(cut, cut_skin(mesh, "slave", recognise=True))
 
 
-@pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
-@pytest.mark.parametrize(
-    "blocks",
-    [
-        [("TRIA3", [[0, 1, 2], [1, 3, 2]])],
-        [("QUAD4", [[0, 1, 3, 2], [1, 4, 5, 3]])],
-        [("SEG2", [[0, 1], [1, 4]]), ("TRIA3", [[2, 3, 5]])],
-    ],
-)
-def test_a_skin_without_cells_behind(blocks, hexa):
-    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [1, 1, 0.0], [2, 0, 0], [2, 1, 0]]
-    points = np.array(points) * [1, 1, len(blocks) == 1]  # in the plane with a cell elsewhere
-    mesh = Mesh.create(points, blocks, cell_groups={"s": [0, 1]}, space_dim=3 - (len(blocks) > 1))
-    cut = cut_skin(mesh, "s", skin_only=True, hexa=hexa)
-    same(cut, recognise(without_records(cut.mesh), "s"))
-
-
 def test_zones_keep_their_order():
     mesh = two_blocks("HEXA8")
     cut = cut_skin(mesh, ["slave", "loaded"])
@@ -124,14 +107,6 @@ def test_code_aster_cut(path):
 
 
 # ---- what is not cut
-
-
-@pytest.mark.parametrize("name", SOLIDS)
-def test_uncut_blocks(name):
-    mesh = two_blocks(name)
-    assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
-    whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")  # their faces own an internal dof
-    assert (recognise(mesh, "slave") is not None) == whole
 
 
 def fan(*triangles):
@@ -200,26 +175,6 @@ def test_faces_that_look_like_a_cut_are_cut_unless_recognition_is_requested(mesh
         assert ("recognised" in {f.rule for f in found}) == (option is True)
 
 
-def test_an_o_grid_beside_more_faces_is_cut():
-    """It was refused, as cut before."""
-    grid = o_grid(0.5)
-    points = np.vstack([grid.points, np.add(grid.points, [2, 0, 0])])
-    more = [np.vstack([grid.block(kind), grid.block(kind) + 16]) for kind in ("HEXA8", "QUAD4")]
-    mesh = Mesh.create(points, [("HEXA8", more[0]), ("QUAD4", more[1][:9])], cell_groups={"slave": 10 + np.arange(9)})
-    assert cut_skin(mesh, "slave").n_macros == 9
-
-
-@pytest.mark.parametrize("zone", ["slave", "loaded"])
-@pytest.mark.parametrize("name", ["HEXA8", "TETRA4"])
-def test_one_of_two_zones(name, zone):
-    """The nodes of the other zone's cut come after those of this one's, or before, or among them."""
-    cut = cut_skin(two_blocks(name), ["slave", "loaded"], hexa="hexa")
-    twice = cut_skin(without_records(cut_skin(two_blocks(name), "slave", hexa="hexa").mesh), "loaded", hexa="hexa")
-    for mesh in (cut.mesh, twice.mesh):
-        macros = np.count_nonzero(cut.zone_of_face[[f[0] for f in cut.faces_of_macro]] == cut.zones.index(zone))
-        assert recognise(without_records(mesh), zone).n_macros == macros
-
-
 # ---- what is asked for
 
 
@@ -264,9 +219,3 @@ def test_groups_that_are_missing_or_have_no_faces():
         recognise(two_blocks(), [])
     mesh = replace(two_blocks(), cell_groups={"none": np.empty(0, int), "body": np.arange(3)})
     assert recognise(mesh, "none") is None and recognise(mesh, "body") is None
-
-
-def test_a_recognised_cut_has_the_multipliers_of_code_aster():
-    cut = cut_blocks("HEXA20", "hexa")
-    a, b = (lacmesh.aster_multipliers(one) for one in (Cut(cut), recognise(without_records(cut), "slave")))
-    assert np.array_equal(a.nodes, b.nodes) and np.array_equal(a.patch_code, b.patch_code)

@@ -170,20 +170,6 @@ def test_a_section_makes_two_bodies(kind):
     assert findings.summary["gap"]["max"] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", BODIES)
-def test_an_edge_crack_keeps_its_front_closed(kind):
-    up = CELLS[kind].dim - 1
-    mesh = skins_of(kind, G=plane_of(up, 0.5, high=0.5))
-    parts = split_skins(mesh, ["G"])
-    assert parts.bodies == (1, 1)
-    on = mesh.nodes_on(mesh.cell_groups["G"])
-    front = on[np.isclose(mesh.points[on, 0], 0.5)]
-    assert (parts.n_sides == 1).sum() == len(front) and parts.mesh.n_nodes - mesh.n_nodes == len(on) - len(front)
-    findings = check(cut_skin(parts.mesh, "G_a"), master="G_b")
-    fronts = [f.rule for f in findings.of_severity("info") if "front" in f.rule]
-    assert not findings.errors and fronts == ["crack-front"]
-
-
 @pytest.mark.parametrize("kind", ["QUAD4", "HEXA20", "TETRA10"])
 @pytest.mark.parametrize(("half", "sides"), [(True, 3), (False, 4)])
 def test_junctions_have_a_node_for_each_side(kind, half, sides):
@@ -197,14 +183,6 @@ def test_junctions_have_a_node_for_each_side(kind, half, sides):
     assert (parts.n_sides == sides).sum() == line.sum()
     one = split(mesh, "G")
     assert parts.mesh.n_cells == split(one, "H").n_cells
-
-
-def test_a_junction_in_one_group():
-    """A sheet that branches: its parts have sides of their own."""
-    cross = skins_of("QUAD8", G=plane_of(1, 0.5), H=plane_of(0, 0.5)).renamed(H="G")
-    parts = split_skins(cross, ["G"])
-    assert parts.bodies == (1, 4)
-    assert len(parts.mesh.cell_groups["G_a"]) == len(parts.mesh.cell_groups["G_b"]) == 8
 
 
 def side_a(mesh):
@@ -230,13 +208,6 @@ def test_the_normal_points_from_a_to_b_wherever_the_model_lies(kind):
         assert np.array_equal(side_a(split(one, "G")), below)
     shift = np.array([1e4, -3e4, 5e4 * (up == 2)])
     assert np.allclose(side_a(split(replace(alike, points=alike.points + shift), "G")), below + shift)
-
-
-def test_a_closed_sheet_has_side_a_inside():
-    mesh = skins_of("HEXA8", G=lambda x: np.isclose(abs(x - 0.5).max(axis=0), 0.25))
-    parts = split_skins(mesh, ["G"])
-    assert len(mesh.cell_groups["G"]) == 24 and parts.bodies == (1, 2)
-    assert (abs(side_a(parts.mesh) - 0.5) < 0.25).all()
 
 
 def test_a_moebius_strip_is_refused():
@@ -301,26 +272,11 @@ def test_faces_that_cannot_open_stay_closed():
 # ---- files and the command
 
 
-@pytest.mark.rows(".mail", ".xdmf")
-@pytest.mark.parametrize("suffix", [".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf"])
-def test_the_command_writes_every_format(suffix, run):
-    lacmesh.write("in.msh", skins_of("HEXA20", CRACK=plane_of(2, 0.5, high=0.5)).renamed(top="TOP"))
-    printed = run(f"split in.msh --faces CRACK -o out{suffix}")
-    assert "faces of CRACK in CRACK_a, CRACK_b" in printed and "on the front" in printed
-    new, wanted = lacmesh.read(f"out{suffix}"), split(lacmesh.read("in.msh"), "CRACK")
-    names = {name.upper(): name for name in new.cell_groups}
-    skins = [names["CRACK_A"], names["CRACK_B"]]
-    assert [len(new.cell_groups[name]) for name in skins] == [8, 8]
-    assert new.n_nodes == wanted.n_nodes and solid_volume(new) == pytest.approx(1.0)
-    assert not check(cut_skin(new, skins[0]), master=skins[1]).errors
-
-
 def test_the_commands_of_the_page_run_and_ask_before_they_replace(run):
     lacmesh.write("part.msh", skins_of("TETRA10", crack=plane_of(2, 0.5, high=0.5)))
     commands = re.findall(r"^\$ lacmesh (.*)$", (DOCS / "split.md").read_text(encoding="utf-8"), re.MULTILINE)
-    for command in commands:
-        run(shlex.split(command))
-    assert len(commands) == 3
+    said = "".join(run(shlex.split(command)) for command in commands)
+    assert len(commands) == 3 and "faces of crack in crack_a, crack_b" in said and "on the front" in said
     lacmesh.write("in.msh", skins_of("TRIA3", G=plane_of(1, 0.5)))
     run("split in.msh --faces G -q")
     assert lacmesh.read("in.split.msh").cell_groups.keys() >= {"G_a", "G_b"}

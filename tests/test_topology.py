@@ -7,7 +7,6 @@ from scipy.sparse.csgraph import connected_components
 
 import lacmesh.topology.boxes as topology_boxes
 from lacmesh import Mesh
-from lacmesh.cells import CELLS
 from lacmesh.topology import skin
 from lacmesh.topology.bodies import label_bodies, label_components
 from lacmesh.topology.boxes import meeting, meeting_each_other
@@ -19,12 +18,10 @@ from lacmesh.topology.facets import (
     FACETS,
     Facets,
     Solid,
-    boundary_faces,
     pair_facets,
 )
-from lacmesh.topology.orientation import face_normals
 from lacmesh.topology.skin import label_rows
-from tests.meshes import box, pad, random_mesh
+from tests.meshes import box, random_mesh
 
 # ---- facets
 
@@ -79,19 +76,6 @@ def test_a_copy_of_a_cell_is_left_out_three_cells_crowd_a_facet_and_no_cells_hav
     assert (Facets.of(fan).opposite == CROWDED).sum() == 3
     none = Facets.of(Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])]))
     assert not len(none.opposite) and not len(none.boundary[0])
-
-
-@pytest.mark.parametrize("name", [name for name, cell in CELLS.items() if cell.dim > 1 and cell.order == 1])
-@pytest.mark.parametrize("last", [1.0, -1.0])
-def test_facets_on_the_boundary_are_outward_whichever_way_cells_list_their_nodes(name, last):
-    cell = CELLS[name]
-    x = pad(np.array(cell.reference) * [*[1.0] * (cell.dim - 1), last])
-    mesh = Mesh.create(x, [(name, [np.arange(cell.n_nodes)])], space_dim=cell.dim)
-    faces, _ = boundary_faces(mesh)
-    assert len(faces) == len(cell.facets)
-    there = faces.nodes[:, :4] >= 0
-    centre = np.where(there[..., None], x[faces.nodes[:, :4]], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
-    assert ((centre - x.mean(axis=0)) * face_normals(mesh, faces)).sum(axis=1).min() > 0
 
 
 # ---- boxes

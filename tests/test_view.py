@@ -271,23 +271,6 @@ def test_pictures_have_their_size_and_colours_and_are_twice_the_same(blocks, run
 # ---- refused
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        *(("-o a", "nothing is drawn"), ("-o a.png --mesh other", "other")),
-        ("-o a.html --size 300x200", "size is for"),
-        *((f"-o a.png {rest}", "did you mean") for rest in ("--master mastre", "--quality corner_jacobia")),
-        *(("-o a.png --camera nan 0 0", "camera nan 0"), ("-o a.png --camera 0 inf 0", "camera 0 inf")),
-        *(("-o a.png --cutaway 0 0 0", "no direction"), ("-o a.png --cutaway 0 0 inf", "cutaway 0 0")),
-        *((f"-o a.png --explode {gap}", f"explode {float(gap):g} is") for gap in ("inf", "-1", "100.1")),
-        ("-o a.png --explode nan", "is no number"),
-        *((f"-o a.png --size={size}", "1600x1000") for size in ("100", "0x5", "axb", "-3x4")),
-    ],
-)
-def test_a_wrong_request(arguments, words, blocks, run):
-    assert words in run(f"view blocks.msh {arguments}", 2) and [p.name for p in Path().iterdir()] == ["blocks.msh"]
-
-
 def test_a_picture_without_a_package_a_renderer_or_a_folder(tmp_path, monkeypatch):
     with pytest.raises(WriteError, match="nowhere"):
         picture(cube(), tmp_path / "nowhere" / "a.png", size=SMALL)

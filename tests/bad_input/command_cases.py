@@ -53,7 +53,7 @@ def _lines(mesh):
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
 
 
-#: the meshes of commands.toml, whose rows are what is wrong, the mesh, the command, its status
+#: the meshes of commands.toml, by which its rows name them
 MESHES = {
     "good": GOOD,
     "lines": _edited(_lines),
@@ -130,6 +130,7 @@ MESH = ("mesh", "{in}", "-o", "{out}", "--force")
 LIST = ("mesh", "{in}", "--list")
 #: format, what is wrong, content, status, words of gmsh
 FILES = [
+    ("STEP", "missing", lambda folder: (folder / "good.step").touch(), 3, "No such file"),
     ("STEP", "empty", b"", 3, ""),
     ("STEP", "text", b"Dear all,\n", 3, ""),
     ("STEP", "a picture (PNG)", png(), 3, ""),
@@ -154,9 +155,9 @@ FILES = [
 def cases():
     """Groups, requests, verdicts, places, permissions, a full disk, geometries."""
     for kind in ("groups", "request", "verdicts"):
-        for what, mesh, (first, *rest), status in COMMANDS[kind]:
+        for what, mesh, (first, *rest), status, *says in COMMANDS[kind]:
             command = (*(CUT if first == "CUT" else (first,)), *rest)
-            yield Case(kind, "any", what, MESHES[mesh], status, command)
+            yield Case(kind, "any", what, MESHES[mesh], status, command, *says)
     for what, make, out, status in PLACES:
         yield Case("output", "any", what, make, status, out=out)
     yield Case("permission", "any", "the folder of the output takes no files", _closed, nobody=True)
@@ -165,7 +166,8 @@ def cases():
     for name, (suffix, *options) in OUTPUTS.items():
         for size in (0, 700):
             what = f"no room at all for {name}" if not size else f"no room after {size} bytes of {name}"
-            yield Case("full disk", "any", what, GOOD, 3, (*CUT, *options), out="out" + suffix, file_size=size)
+            command, says = (*CUT, *options), "cannot be written"
+            yield Case("full disk", "any", what, GOOD, 3, command, says, out="out" + suffix, file_size=size)
     yield from _other_outputs()
     yield from _geometry()
 
@@ -190,8 +192,8 @@ def _geometry():
     for name, what, content, status, says in FILES:
         yield Case("geometry", name, what, content, status, MESH, says, needs="gmsh")
     yield Case("geometry", "STEP", "no shape in it, listed", _STEP, 3, LIST, needs="gmsh")
-    for what, options in COMMANDS["wishes"]:
-        yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), needs="gmsh")
+    for what, options, *says in COMMANDS["wishes"]:
+        yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), *says, needs="gmsh")
     yield Case("geometry", "any", "a mesh", b"$MeshFormat\n", 2, MESH)
     yield Case("geometry", "any", "no CAD file has the suffix", png(), 2, MESH, file="bad.png")
     for what, size in (("no room for temporary files", 0), ("no room for gmsh's mesh", 2000)):

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -15,7 +14,7 @@ import lacmesh
 from lacmesh import Mesh, cut_skin
 from lacmesh.cells import CELLS, PIECES
 from lacmesh.checks import RULES, check
-from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
+from lacmesh.checks.bodies import _on_sides, _unexplained, crossing, inside_edges, same_place
 from lacmesh.checks.request import split_pairs
 from lacmesh.errors import RequestError
 from lacmesh.generate import rectangle
@@ -23,8 +22,6 @@ from lacmesh.topology.skin import Faces
 from tests import REPOSITORY
 from tests.checks.blocks import two_blocks
 from tests.checks.corpus import CORPUS, HALVES
-from tests.meshes import pad
-from tests.samples import samples
 
 
 @pytest.mark.parametrize("name", CORPUS)
@@ -121,18 +118,6 @@ def test_a_stray_node_does_not_bring_the_others_together():
     assert "coincident-nodes" not in check(replace(mesh, points=points), "slave", "master").rules
 
 
-@pytest.mark.slow
-def test_thousands_of_nodes_at_one_place():
-    n = 4000
-    turn = np.linspace(0, 1, n + 1)[:-1] * 0.5 * np.pi
-    rings = [np.stack([np.cos(turn + more), np.sin(turn + more)], axis=1) for more in (0, 1e-4)]
-    cells = np.arange(3 * n).reshape(3, n).T
-    blocks = [("TRIA3", cells), ("SEG2", cells[:1, 1:])]
-    mesh = Mesh.create(np.concatenate([np.zeros((n, 2)), *rings]), blocks, cell_groups={"slave": [n]})
-    (finding,) = check(mesh, "slave").of_rule("coincident-nodes")
-    assert len(finding.nodes) == n and "1 point " in finding.message
-
-
 def test_every_node_of_a_place_inside_an_edge_is_found():
     points = np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0.5, 0, 0]])
     subject = SimpleNamespace(mesh=SimpleNamespace(points=points), finite=np.ones(6, bool))
@@ -143,40 +128,6 @@ def test_every_node_of_a_place_inside_an_edge_is_found():
 
 
 # ---- faces that cross
-
-
-def enters(x, other):
-    """(k,): True where an edge of pieces x (k, m, 3) meets the inside of other ones, by the equations of that point."""
-    m = x.shape[1]
-    out = np.zeros(len(x), bool)
-    for k in range(m if m == 3 else 1):
-        start, stop = x[:, k, :m], x[:, (k + 1) % m, :m]
-        columns = np.concatenate([(start - stop)[:, None], other[:, 1:, :m] - other[:, :1, :m]], axis=1)
-        right = (start - other[:, 0, :m])[..., None]
-        t, *u = np.linalg.solve(columns.transpose(0, 2, 1), right)[..., 0].T
-        out |= (t >= 0) & (t <= 1) & (np.min(u, axis=0) > 0) & (np.sum(u, axis=0) < 1)
-    return out
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("seed", range(samples(1, 4)))
-@pytest.mark.parametrize("kinds", [("SEG2", "SEG3"), ("TRIA3", "QUAD4"), ("TRIA6", "QUAD8"), ("TRIA7", "QUAD9")])
-def test_faces_that_cross_are_those_of_all_pieces_compared(kinds, seed):
-    rng = np.random.default_rng(seed)
-    parts, points = [], []
-    for kind in kinds:
-        x = pad(CELLS[kind].reference) + rng.normal(0, 0.05, (15, CELLS[kind].n_nodes, 3))
-        x = x @ np.linalg.qr(rng.normal(size=(15, 3, 3)))[0] + rng.uniform(0, 6, (15, 1, 3))
-        parts.append((kind, sum(map(len, points)) + np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])))
-        points.append(x.reshape(-1, 3))
-    x = np.concatenate(points) * (np.array([1, 1, 0]) if kinds[0] == "SEG2" else 1)
-    faces = Faces.join(parts)
-    nodes, face = pieces_of(faces)
-    i, j = np.array([pair for pair in combinations(range(len(face)), 2) if face[pair[0]] != face[pair[1]]]).T
-    both = enters(x[nodes[i]], x[nodes[j]]) | (enters(x[nodes[j]], x[nodes[i]]) if nodes.shape[1] == 3 else False)
-    expected = np.unique(np.sort(np.stack([face[i], face[j]], axis=1)[both], axis=1), axis=0)
-    assert np.array_equal(crossing(x, faces), expected)
-    assert 0 < len(expected) < 400
 
 
 def test_neighbours_do_not_cross_and_a_copy_does():
@@ -199,36 +150,6 @@ def bolted():
         rectangle(11, (1.1, 1), corner=(0.7, -1.5)).renamed(top="floor"),
         rectangle(6, (0.6, 1), corner=(1.2, -0.5)).renamed(bottom="base"),
     ).only("body", "head", "flange", "floor", "base")
-
-
-@pytest.mark.slow
-def test_each_pair_is_examined_by_itself():
-    """With both masters at once the head is whole, with a gap up to 0.5; alone 7 of its 10 faces have a master."""
-    mesh = bolted()
-    mixed = check(mesh, "head", ["flange", "floor"], search_distance=1.0).summary
-    assert mixed["covered"] == pytest.approx(1.0) and mixed["gap"]["max"] == pytest.approx(0.5)
-    found = check(mesh, pairs=PAIRS, search_distance=1.0)
-    head, base = found.summary["pairs"]
-    alone = check(mesh, "head", "flange", search_distance=1.0).summary
-    assert (head["slave"], head["master"]) == PAIRS[0] and (base["slave"], base["master"]) == PAIRS[1]
-    assert head["gap"] == alone["gap"] and head["covered"] == alone["covered"] == pytest.approx(0.7)
-    counts = [head[f"{what}_macro_elements"] for what in ("covered", "partly_covered", "uncovered")]
-    assert counts == [7, 0, 3] and base["covered"] == pytest.approx(1.0)
-    assert "gap" not in found.summary and found.summary["slave"] == ["head", "base"]
-    (partial,) = found.of_rule("partial-coverage")
-    assert partial.message.startswith("head on flange: the master does not cover 3 of 10 macro-elements")
-    assert partial.as_dict()["where"]["pair"] == ("head", "flange") and partial.where.group == "head"
-    assert [f.message.split(":")[0] for f in found.of_rule("gap")] == ["head on flange", "base on floor"]
-    # a skin in two pairs is told once
-    found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
-    assert len(found.of_rule("not-cut")) == len(check(mesh, "head", "flange").of_rule("not-cut")) == 1
-    assert [round(one["covered"], 9) for one in found.summary["pairs"]] == [0.7, 0.3]
-    # one pair is a slave and a master, and a group may be a number
-    mesh = replace(mesh, cell_groups={**mesh.cell_groups, "5": mesh.cell_groups["head"]})
-    for slave in ("head", np.int64(5), [np.int32(5)]):
-        one = check(mesh, slave, "flange").as_dict()
-        name = "head" if slave == "head" else "5"
-        assert one == check(mesh, pairs=[(name, "flange")]).as_dict()
 
 
 def test_what_one_pair_has_is_no_fault_of_another():
@@ -294,20 +215,6 @@ def test_the_commands_take_pairs(run, monkeypatch):
     drawn = plotter.call_args.kwargs
     assert drawn["slave"] == [a for a, _ in PAIRS] and drawn["master"] == [b for _, b in PAIRS]
     assert any("head on flange" in finding.message for finding in drawn["findings"])
-
-
-@pytest.mark.parametrize("command", ["check", "cut", "view"])
-def test_several_of_both_are_a_wrong_command(run, command):
-    lacmesh.write("bolted.msh", bolted())
-    more = {"check": "", "cut": "-o cut.msh", "view": "--check -o page.html"}[command]
-    pairs = f"lacmesh {command} bolted.msh --pair head:flange --pair base:floor"
-    for words, told in (
-        ("--slave head --slave base --master flange --master floor", pairs),
-        ("--pair head:flange --master floor", "leave out --slave and --master"),
-        *([] if command == "view" else [("", "give --slave GROUP")]),
-    ):
-        assert told in run(f"{command} bolted.msh {words} {more}", 2)
-    assert [path.name for path in Path().iterdir()] == ["bolted.msh"]
 
 
 def test_the_page_lists_every_rule():

@@ -159,14 +159,6 @@ def test_one_body_that_meets_itself(name):
     all_well_before_and_after(mesh.only("body").with_groups(**wall))
 
 
-@EVERY
-def test_skins_that_touch(name):
-    """Slave and master at one place, node on node, where nothing is known of the master and where it is."""
-    mesh = two_blocks(name, gap=0.0, matching=True)
-    for master in ("master", None):
-        all_well_before_and_after(mesh, master=master, held=("fixed",))
-
-
 # ---- code_aster's own meshes, whose findings were confirmed by other means
 
 

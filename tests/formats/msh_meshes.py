@@ -223,28 +223,8 @@ def as_seen(mesh):
     }
 
 
-def by_place(gmsh):
-    """Physical groups of gmsh's model, and all its elements: cells as types and coordinates."""
-    number, xyz, _ = gmsh.model.mesh.getNodes()
-    place = dict(zip(number.tolist(), map(tuple, np.round(xyz, 9).reshape(-1, 3).tolist()), strict=True))
-
-    def cells(dim, entity):
-        found = set()
-        for kind, tags, nodes in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
-            for row in nodes.reshape(len(tags), -1).tolist():
-                found.add((int(kind), *(place[n] for n in row)))
-        return found
-
-    groups = {}
-    for dim, tag in gmsh.model.getPhysicalGroups():
-        name = gmsh.model.getPhysicalName(dim, tag) or f"{dim}:{tag}"
-        for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
-            groups.setdefault(name, set()).update(cells(dim, int(entity)))
-    return groups, cells(-1, -1)
-
-
 def places(mesh):
-    """Groups and elements of a mesh in the form of `by_place`, and the number of elements."""
+    """Groups and elements of a mesh: cells as types and coordinates; and the number of elements."""
     xyz = [tuple(p) for p in np.round(mesh.points, 9).tolist()]
     rows = [(ALL_CELLS[b.type].msh, *(xyz[n] for n in row)) for b in mesh.blocks for row in b.nodes.tolist()]
     return {name: {rows[c] for c in cells} for name, cells in mesh.cell_groups.items()}, set(rows), len(rows)

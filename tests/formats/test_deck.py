@@ -12,16 +12,14 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import LacmeshWarning, cut_skin, raise_order, split
+from lacmesh import LacmeshWarning, cut_skin, raise_order
 from lacmesh.cells import CELLS
-from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, WriteError
 from lacmesh.formats import inp
 from lacmesh.formats.inp.elements import element_name, variant
 from lacmesh.mesh import Mesh
 from tests.formats.decks import LOWER, NODE, UPPER, E, K, P, on_springs, pressed, tables, two
 from tests.formats.decks import solved as run_calculix
-from tests.formats.feature_cases import told
 from tests.formats.texts import MESH, MODEL, PARTS, STEP
 from tests.meshes import cell_with_faces, lenient
 from tests.samples import each_option
@@ -44,13 +42,6 @@ def cut_text(folder, cards, **options):
     keyword = cards.split("\n")[0]
     body = text[text.index(keyword + "\n") + len(keyword) + 1 :]
     return mesh, re.split(r"^\*[A-Z]", body, flags=re.MULTILINE)[0].splitlines()
-
-
-def two_bricks(cards):
-    """A deck of a brick on another, which share the slave."""
-    text = MESH.replace("** the brick\n", "9, 0., 0., 2.\n10, 1., 0., 2.\n11, 1., 1., 2.\n12, 0., 1., 2.\n")
-    text = text.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8\n2, 5, 6, 7, 8, 9, 10, 11, 12\n*NSET", 1)
-    return text + MODEL + STEP.format(cards=cards)
 
 
 def others(text):
@@ -146,21 +137,6 @@ def test_sets_and_nodes_that_a_cut_leaves_as_they_are_stay(tmp_path):
     assert len(lines) == 8  # three corners are no face, and the bottom face is whole
 
 
-def test_copies_of_nodes_need_a_set(tmp_path):
-    """A crack doubles nodes: a condition on one of them by number says nothing of its copy."""
-    text = two_bricks("*BOUNDARY\n{node}, 1\n")
-    for node, refused in ((5, True), (1, False)):
-        mesh = read_text(tmp_path, text.format(node=node))
-        with lenient():
-            opened = split(mesh, "slave")
-        assert opened.n_nodes > mesh.n_nodes
-        if refused:
-            with pytest.raises(DataError, match="BOUNDARY: it gives nodes by number"):
-                written(tmp_path, opened)
-        else:
-            written(tmp_path, opened)
-
-
 def test_forces_on_nodes_stay_on_those_nodes(tmp_path):
     mesh, lines = cut_text(tmp_path, "*CLOAD\nTop, 3, -1.\n5, 1, 2.\n")
     assert len(mesh.node_groups["Top"]) > 4
@@ -204,7 +180,7 @@ def test_a_deck_is_cut_twice(tmp_path):
 
 def test_elements_that_are_no_cells_keep_their_lines_and_numbers(tmp_path):
     """Orientation nodes of beams, couplings, elements of the user; children take other numbers than theirs."""
-    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D, ELSET=ref\n70, 8\n"
+    lines = "*ELEMENT, TYPE=B31, ELSET=beam\n20, 1, 2, 5\n*ELEMENT, TYPE=DCOUP3D\n70, 8\n"
     with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams are left out; 1 elements of type DCOUP3D"):
         mesh = read_text(tmp_path, MESH + lines + MODEL)
     cut = cut_skin(mesh, "slave", hexa="hexa").mesh
@@ -278,10 +254,8 @@ def test_elements_keep_their_names():
         assert str(variant(old, cell, "calculix")) == new, row
 
 
-@pytest.mark.parametrize("option", ["--lenient", "--plane CPE", "--all-cells"])
-def test_commands_and_their_options(option, run):
+def test_commands_carry_the_cards_unless_the_mesh_alone_is_asked_for(run):
     Path("a.inp").write_text(MESH + MODEL)
-    assert f"{option.split()[0]} is for an .inp output" in run(f"convert a.inp a.msh {option}", 2)
     run("orient a.inp --group slave -o b.inp -q")
     assert others(Path("b.inp").read_text()) == others(MESH + MODEL)
     run("convert a.inp c.inp --mesh-only -q")
@@ -333,21 +307,6 @@ def test_a_cut_deck_has_no_parts(tmp_path):
         name: len(cells) for name, cells in back.cell_groups.items()
     }
     assert np.array_equal(np.sort(back.node_number), np.sort(cut.node_number))
-
-
-#: surfaces of two blocks of cards, as `two` has them of parts
-SURFACES = "*SURFACE, NAME=Upper\nC_EZ0, S1\n*SURFACE, NAME=Lower\nB_EZ1, S2\n"
-
-
-def test_records_of_the_cut_are_in_comments_of_the_deck(tmp_path):
-    """New nodes follow the first card of nodes, and so stand in another order in the mesh that is read."""
-    for name, text in (("parts", two()), ("cards", LOWER.text() + replace(UPPER, first=100).text() + SURFACES)):
-        cut = cut_skin(quiet_read(tmp_path, text), "Upper", hexa="hexa")
-        flat(tmp_path, cut.mesh, name=f"{name}.inp")
-        with lenient():
-            back = Cut(lacmesh.read(tmp_path / f"{name}.inp"))
-        assert not np.array_equal(back.mesh.points, cut.mesh.points)
-        assert told(cut) == told(back) and back.n_macros == 9
 
 
 def test_two_instances_of_one_part_and_a_part_without_one(tmp_path):

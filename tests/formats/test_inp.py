@@ -359,18 +359,6 @@ def test_nodes_of_cells_are_kept_beside_a_group_of_other_nodes(tmp_path, target)
     assert list(read.cell_groups) == ["slave"]
 
 
-def test_nodes_of_elements_of_every_width(tmp_path):
-    """A set of the nodes of elements."""
-    text = (
-        f"{nodes(9)}*ELEMENT, TYPE=C3D8\n30, 1, 2, 3, 4, 5, 6, 7, 8\n*ELEMENT, TYPE=DCOUP3D\n15, 9\n"
-        "*ELEMENT, TYPE=T3D2\n20, 8, 9\n10, 3, 1\n*ELSET, ELSET=E\n20, 10\n*NSET, NSET=N, ELSET=E\n*ELSET, ELSET=F\n"
-        "30, 20\n*NSET, NSET=M, ELSET=F\n"
-    )
-    with pytest.warns(LacmeshWarning, match="1 elements of type DCOUP3D are no cells"):
-        mesh = read_text(tmp_path, text)
-    assert numbered(mesh.node_groups, mesh.node_number) == {"N": [1, 3, 8, 9], "M": list(range(1, 10))}
-
-
 def test_numbers_that_do_not_fit_and_lines(tmp_path):
     """Real numbers have at most 20 characters, and lines 16 numbers, as CalculiX and Abaqus read no more."""
     mesh = Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])], node_number=[7, 1_000_000_000], cell_number=[5])
@@ -387,18 +375,6 @@ def test_numbers_that_do_not_fit_and_lines(tmp_path):
     lines = (tmp_path / "again.inp").read_text().splitlines()
     assert max(len([w for w in line.split(",") if w.strip()]) for line in lines) == 16
     assert sum(line.endswith(",") for line in lines) == 1  # the element goes on; the set's lines are whole
-
-
-@pytest.mark.parametrize("back", [False, True])
-def test_of_two_cells_behind_a_face_the_one_it_turns_from(tmp_path, back):
-    """An interface listed outward of its second cell is that cell's face."""
-    points = [[x, y, z] for z in (0, 1, 2) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    solid = [list(range(8)), list(range(4, 12))]
-    face = [4, 7, 6, 5] if back else [4, 5, 6, 7]
-    mesh = Mesh.create(points, [("HEXA8", solid), ("QUAD4", [face])], cell_groups={"middle": [2]})
-    inp.write(tmp_path / "a.inp", mesh)
-    face = "2, S1" if back else "1, S2"
-    assert f"*SURFACE, NAME=middle, TYPE=ELEMENT\n{face}\n" in (tmp_path / "a.inp").read_text()
 
 
 @pytest.mark.parametrize(

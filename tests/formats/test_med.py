@@ -133,22 +133,6 @@ def test_round_trip(tmp_path, seed, types, names, n_nodes, data):
     assert plain(again) == plain(med.read(tmp_path / "b.med"))
 
 
-def test_integers_of_a_cut_are_read_back_as_written(tmp_path, cube):
-    macro, parent = np.array([-1, 0, 1], np.int32), np.array([5, -1, -1], np.int32)
-    internal = np.where(np.arange(9) == 8, 3, -1).astype(np.int32)
-    data = {"lac_macro": macro, "lac_zone": macro, "lac_child": macro, "lac_parent": parent}
-    mesh = replace(cube, cell_data=data, node_data={"lac_internal": internal}, zones=("slave", "seal"))
-    med.write(tmp_path / "cut.med", mesh)
-    again = med.read(tmp_path / "cut.med")
-    assert plain(mesh) == plain(again)
-    assert all(values.dtype == np.int32 for values in (*again.cell_data.values(), *again.node_data.values()))
-    with h5py.File(tmp_path / "cut.med") as file:  # sparse: the file holds what is there, and the profile of it once
-        sizes = []
-        file["CHA"].visititems(lambda _, o: sizes.append(o.size) if isinstance(o, h5py.Dataset) else None)
-        assert sorted(sizes) == [1, 1, 2, 2, 2]
-        assert len(file["PROFILS"]) == 1  # the node alone; cells are there or not type by type
-
-
 def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
     rows = [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 4, 5]]
     mesh = Mesh.create(
@@ -164,18 +148,6 @@ def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
     with h5py.File(path, "r+") as file:
         del file["LACMESH"]
     assert med.read(path).zones == ("zone", "zone2", "zone3")
-
-
-def test_meshes_without_cells_and_dimensions(tmp_path):
-    square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
-    empty = Mesh.create(np.zeros((0, 3)), [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
-    nodes = replace(empty, points=np.ones((2, 3)), node_number=np.array([1, 2]))
-    for mesh, dims in ((square, (2, 2)), (replace(square, space_dim=3), (2, 3)), (empty, None), (nodes, None)):
-        med.write(tmp_path / "a.med", mesh)
-        assert plain(mesh) == plain(med.read(tmp_path / "a.med"))
-        with h5py.File(tmp_path / "a.med") as file:
-            about = file["ENS_MAA/mesh"].attrs
-            assert dims is None or (about["DIM"], about["ESP"]) == dims
 
 
 def test_data_that_med_holds_otherwise(tmp_path, cube):

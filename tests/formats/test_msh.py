@@ -10,8 +10,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
+from lacmesh.gmsh import to_mesh
 from lacmesh.mesh import Mesh, Model, Periodic, Step
-from tests.formats.msh_meshes import as_seen, by_place, decided, entities, meshes, places, plain, seen_by, two_boxes
+from tests.formats.msh_meshes import as_seen, decided, entities, meshes, places, plain, seen_by, two_boxes
 from tests.formats.msh_meshes import order as order_of
 from tests.formats.texts import ASCII4, OLD, swapped
 from tests.meshes import lenient
@@ -106,7 +107,7 @@ def test_files_of_gmsh(gmsh, tmp_path, version, binary, order, parts, save_all):
     two_boxes(gmsh, order, parts)
     path = tmp_path / "boxes.msh"
     save(gmsh, path, version, binary, save_all)
-    groups, every = by_place(gmsh)
+    groups, every, _ = places(to_mesh())
     with lenient():
         mesh = msh.read(path)
         got, rows, n = places(mesh)
@@ -170,14 +171,6 @@ def test_numbers_that_are_not_distinct_are_counted_again(tmp_path, version, bina
         read = again(tmp_path, mesh, version, binary)
     assert read.node_number.tolist() == [1, 2, 3]
     assert read.node_groups["g"].tolist() == [1]
-
-
-def test_partitions_are_tags_of_msh_22(tmp_path):
-    partition = np.array([1, -1, 2], np.int32)
-    mesh = Mesh.create(np.eye(3), [("SEG2", [[0, 1], [1, 2], [2, 0]])], cell_data={"partition": partition})
-    assert again(tmp_path, mesh, "2.2", False).cell_data["partition"].tolist() == [1, -1, 2]
-    content = (tmp_path / "again.msh").read_text()
-    assert "ElementData" not in content and "\n1 1 4 0 1 1 1 1 2\n2 1 2 0 1 2 3\n3 1 4 0 1 1 2 3 1\n" in content
 
 
 @pytest.mark.parametrize("version", ["4.1", "2.2"])

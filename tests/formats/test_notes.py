@@ -8,38 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lacmesh import Cut, Mesh, cut_skin, read, write
+from lacmesh import Cut, Mesh, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, is_cut, without_records
 from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.mesh import Model, Periodic, Step
-from tests.formats.feature_cases import KEPT, REFUSED, TABLE, told
+from tests.formats.feature_cases import told
 from tests.meshes import cell_with_faces
-
-SOLIDS = [(name, "pyramid") for name, cell in CELLS.items() if cell.dim > 1]
-SOLIDS += [(name, "hexa") for name in RING_PARENTS if CELLS[name].dim == 3]
-#: formats that have no fields, and keep a cut in comments
-WAYS = [(row, dict(row.options)) for row in TABLE if row.form in ("mail", "inp")]
-WAYS += [(row, {**options, "all_cells": True}) for row, options in WAYS if row.form == "inp"]
-#: families whose cut CalculiX cannot take, for want of a type of cell
-LACKS = {"CalculiX": {"PENTA"}}
 
 
 def one_cell(name, variant):
     """Every face of one cell that can be slave alone, cut: each type of cell, and of child."""
     mesh = cell_with_faces(name, facets=[0, len(CELLS[name].facets) - 1])
     return cut_skin(mesh, "slave", hexa=variant).mesh
-
-
-def quiet(path, mesh, **options):
-    """Write and read a mesh; return it and the warnings."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        write(path, mesh, **options)
-        found = read(path)
-    return found, [str(w.message) for w in caught]
 
 
 def same(before, after):
@@ -54,24 +36,6 @@ def same(before, after):
 
     assert places(was) == places(now)
     assert all(now.mesh.cell_data[n].dtype.kind == "i" for n in CELL_RECORDS)
-
-
-@pytest.mark.rows("mail-", "inp-all_cells")
-@pytest.mark.parametrize(("row", "options"), WAYS, ids=[f"{row.form}-{'-'.join(map(str, o))}" for row, o in WAYS])
-def test_every_family_by_formats_without_fields(row, options, tmp_path):
-    tried = set()
-    for k, (name, variant) in enumerate(SOLIDS):
-        mesh = one_cell(name, variant)
-        lacks = any(row.keeps_cells(kind) == REFUSED for kind in mesh.cells_by_type)
-        if lacks or (name == "QUAD9" and row.form == "inp"):  # which Abaqus has, but not in the plane
-            continue
-        found, messages = quiet(tmp_path / f"{k}.{row.form}", mesh, **options)
-        assert not any("records" in s or "lac_" in s or "zone" in s for s in messages)
-        same(mesh, found)
-        tried.add(CELLS[name].family)
-    calculix = row.form == "inp" and "target" not in options
-    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - (LACKS["CalculiX"] if calculix else set())
-    assert row.keeps("cut") == row.keeps("zones") == KEPT
 
 
 def noted(mesh, note, number=None):
@@ -124,23 +88,6 @@ def test_faces_get_back_the_numbers_that_a_file_has_no_place_for():
     same(mesh, found)
     number[np.flatnonzero(mesh.cell_dim == 3)[0]] = mesh.cell_number[faces[0]]
     assert "gives their numbers to other cells" in noted(mesh, note_of(mesh, faces=faces), number)[1]
-
-
-def test_damaged_records_are_left_out():
-    mesh = one_cell("HEXA8", "hexa")
-    whole = note_of(mesh).encode()
-    right = noted(mesh, whole)[0]
-    rng, n = np.random.default_rng(1), 0
-    texts = [whole[:cut] for cut in rng.integers(0, len(whole) - 2, 20).tolist()]
-    places = rng.integers(0, len(whole), 100).tolist()
-    texts += [whole[:at] + bytes([int(rng.integers(256))]) + whole[at + 1 :] for at in places]
-    for text in texts:
-        found, words = noted(mesh, text)
-        assert is_cut(found) or words or b'"records"' not in text
-        n += bool(words)
-        for name in CELL_RECORDS if is_cut(found) else ():  # a blank, or the same byte
-            assert np.array_equal(found.cell_data[name], right.cell_data[name])
-    assert n > 60
 
 
 #: the last value of a column of the records, `()` for none: the columns do not fit each other then

@@ -1,24 +1,21 @@
-"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
+"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, bodies, and its cut."""
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from itertools import product
 
 import numpy as np
 import pytest
 
-from lacmesh import Cut, Mesh, cut_skin, read
+from lacmesh import Mesh, cut_skin, read
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacmesh.partition.parts import bisect
-from lacsolver.bodies.material import Elastic, Materials
-from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.space.space import Space
-from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
+from lacmesh.topology.bodies import label_bodies
+from tests.lacsolver.bodies import body
 from tests.meshes import box, dressed, facets_of, random_mesh
-from tests.partition.compare import differences
 from tests.samples import each_option
 
 PARTS = (1, 2, 5)
@@ -90,6 +87,7 @@ def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed,
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
     whole = nodes_of_cells(mesh)
+    bodies = label_bodies([b.nodes for b in mesh.blocks if CELLS[b.type].dim == mesh.dim], mesh.n_nodes)
     parts = parts_of(mesh, n)
     assert sorted(np.concatenate([part.node[part.own] for part in parts])) == list(range(mesh.n_nodes))
     for part in parts:
@@ -111,61 +109,7 @@ def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed,
         assert np.array_equal(part.cell[small.file_order], in_file)
         assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
         assert np.array_equal(part.origin, origin_of_mesh(mesh))
-
-
-def stiffness(mesh, model, origin=None):
-    space = Space.of(mesh, model, thickness=0.4 if model == "plane_stress" else None)
-    if origin is not None:  # the whole mesh's, in place of that of the part
-        space.__dict__.pop("local", None)
-        space.__dict__["origin"] = origin
-    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3))).tocsr()
-
-
-SHAPES = [(name, model, lambda name=name: body(name, 2)) for name, model in PAIRS]
-SHAPES += [(f"mixture {order}", "3d", lambda order=order: mixture(order)) for order in ("1", "2", "2-full")]
-SHAPES += [(f"mixture {order}", "plane_strain", lambda order=order: plane_mixture(order)) for order in ("1", "2")]
-
-
-@pytest.mark.parametrize("name, model, make", each_option(SHAPES, of=lambda row: [row[0].rstrip("0123456789"), row[1]]))
-def test_own_rows_of_the_stiffness_are_those_of_the_whole_mesh(name, model, make):
-    """To round-off, with the origin of the whole mesh, which lies far from 0 and has two bodies."""
-    one = distorted(make(), 0.04, seed=4)
-    x = one.points + np.array([1e3, 1e3, 0.0])
-    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in one.blocks]
-    mesh = Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=one.space_dim)
-    space, K = stiffness(mesh, model)
-    dim, of_body = space.dim, space.bodies
-    for part in (part for n in PARTS for part in parts_of(mesh, n)):
-        own = stiffness(part.mesh, model, space.origin)[1][
-            (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
-        ]
-        columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
-        expected = K[columns[np.repeat(part.own, dim)]]
-        assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns[own.indices], expected.indices)
-        assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
-        assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
-
-
-@pytest.mark.parametrize("n", PARTS)
-def test_skins_are_whole_in_every_part_with_the_cells_that_touch_them(n):
-    cut = cut_skin(read(BLOCKS), "slave", hexa="hexa")  # a child in six has no node on the skin
-    mesh = cut.mesh
-    faces = {name: mesh.cell_groups[name].tolist() for name in ("slave", "master")}
-    nodes, parent = nodes_of_cells(mesh), mesh.cell_data["lac_parent"].tolist()
-    skins = {c for cells in faces.values() for c in cells}
-    on = {node for c in skins for node in nodes[c]}
-    around = {c for c in range(mesh.n_cells) if on & set(nodes[c])}
-    cut_up = {parent[c] for c in around} - {-1}
-    siblings = {c for c in range(mesh.n_cells) if parent[c] in cut_up}
-    assert len(around) > len(skins) and siblings - around
-    for part, bare in zip(parts_of(mesh, n, everywhere=["slave", "master"]), parts_of(mesh, n), strict=True):
-        assert set(part.cell.tolist()) == {*bare.cell.tolist(), *around, *siblings}
-        assert {name: part.cell[part.mesh.cell_groups[name]].tolist() for name in faces} == faces
-        small = Cut(part.mesh)
-        assert small.n_macros == cut.n_macros and small.zones == cut.zones
-        for k in range(cut.n_macros):
-            assert part.cell[small.faces_of_macro[k]].tolist() == cut.faces_of_macro[k].tolist()
-            assert part.node[small.internal_nodes[k]].tolist() == cut.internal_nodes[k].tolist()
+        assert np.array_equal(part.body, bodies[part.node]) and part.n_bodies == bodies.max() + 1
 
 
 def test_nodes_that_all_need_are_in_all_parts():
@@ -207,6 +151,22 @@ def test_a_wrong_rank_or_group_is_refused(skip, rank, groups, error, says):
 
 
 # ---- parts that are cut are parts of the whole cut, cell by cell
+
+
+def differences(one, other, place="part"):
+    """The places at which two values, or parts, field by field, differ in value or type."""
+    if isinstance(one, np.ndarray):
+        same = one.dtype.kind == other.dtype.kind and one.shape == other.shape
+        return [] if same and np.array_equal(one, other, equal_nan=one.dtype.kind == "f") else [place]
+    if is_dataclass(one):
+        one, other = ({f.name: getattr(k, f.name) for f in fields(k)} for k in (one, other))
+    elif isinstance(one, tuple) and isinstance(other, tuple):
+        one, other = (dict(enumerate(k)) for k in (one, other))
+    if not isinstance(one, dict):
+        return [] if one == other else [f"{place}: {one} {other}"]
+    if one.keys() != other.keys():
+        return [place]
+    return [where for name in one for where in differences(one[name], other[name], f"{place}.{name}")]
 
 
 def with_slave(mesh, *owned, copies=1, numbers=range(6)):
@@ -255,16 +215,6 @@ FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interfaces(name, n, owners):
     for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):
         check(with_slave(body(name, 2), owners), n, hexa=hexa)
-
-
-@pytest.mark.rows("2-full-pyramid")
-@pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
-def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
-    """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
-    check(with_slave(mixture(order), 1), 5, hexa=hexa)
-    check(with_slave(mixture(order), 1, 2), 3, hexa=hexa)
-    check(with_slave(plane_mixture(order), 1, 2), 4, hexa=hexa)
-    check(with_slave(mixture(order), 1, copies=3), 2, hexa=hexa)  # other cells on the slave faces are cut too
 
 
 @pytest.mark.rows("6", "10")

@@ -19,7 +19,7 @@ from lacmesh.partition.store import FILE
 from tests import REPOSITORY
 from tests.bad_input.case import listing
 from tests.meshes import random_mesh
-from tests.partition.compare import differences
+from tests.partition.test_parts import differences
 
 BLOCKS = str(REPOSITORY / "data" / "two_blocks.msh")
 

@@ -81,16 +81,6 @@ def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kin
     assert np.log2(errors[0] / errors[1]) / 2 > 3.5, errors
 
 
-@pytest.mark.rows("cylinder-QUAD4", "cone-TRIA3", "cone-mixed")
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("surface", ROUND)
-def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
-    """A quadratic over each face misses O(h^3) of a skin whose curvature changes."""
-    found, errors = rate(surface, kind, (8, 32))
-    assert found > 2.5, errors
-    assert errors[-1][0] < 0.02 * errors[-1][1]
-
-
 @pytest.mark.rows("waves-mixed")
 @pytest.mark.parametrize(("surface", "kind"), [*product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)])
 def test_heights_of_a_free_form(surface, kind):
@@ -133,28 +123,6 @@ def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     chord = np.linalg.norm(patches.x[i] - patches.x[j], axis=1)
     np.testing.assert_allclose(value[face, k], 1 - np.sqrt(1 - chord**2 / 4), rtol=1e-6)
     assert not lacking.any()
-
-
-def test_a_circle_in_the_plane():
-    """Convex is positive, concave negative."""
-    t = np.sort(np.random.default_rng(0).random(12))
-    for sign in (1, -1):
-        x = 2.0 * np.stack([np.cos(t), np.sin(t)], axis=1)
-        exact = sign * (2.0 - np.sqrt(4.0 - (np.linalg.norm(np.diff(x, axis=0), axis=1)[::sign] / 2) ** 2))
-        np.testing.assert_allclose(heights(chain(x[::sign], closed=False))[:, 0], exact, rtol=1e-9)
-
-
-def test_a_free_form_in_the_plane():
-    """A parabola's heights, O(h^3) on nodes that stand anywhere."""
-    errors = []
-    for n in (10, 40):
-        x = np.linspace(-1, 1, n + 1)
-        x[1:-1] += np.random.default_rng(0).uniform(-0.2, 0.2, n - 1) * 2 / n
-        mesh = chain(np.stack([x, x**2], axis=1), closed=False)
-        normal, middle = mean_normals(whole(mesh))
-        exact = along(lambda p: p[:, 1] - p[:, 0] ** 2, middle, normal)
-        errors.append(np.abs(heights(mesh)[:, 0] - exact).max())
-    assert np.log2(errors[0] / errors[1]) / 2 > 2.3 and errors[1] < 0.05 * 0.05**2 / 4, errors
 
 
 def test_what_is_flat_and_curved_quadratic_faces_have_no_height():
@@ -256,18 +224,6 @@ def test_children_take_the_heights_of_their_parents(kind, hexa):
     assert 1.4**2 * 0.25**2 / 8 / 1.4 / 2 < max(v[0] for v in at_node.values()) < 1.4 * 0.25**2 / 2
 
 
-def test_children_take_the_heights_of_a_cubic():
-    """At the nodes of pieces that a cut has made of triangles off the rim."""
-    mesh = generate.box((8, 8, 1), 1.0, "TETRA4", distortion=0.1).renamed(top="skin").only("body", "skin")
-    points = skins.slight(mesh.points) + [0, 0, 1] * (mesh.points - 1)
-    cut = cut_skin(replace(mesh, points=points), "skin").mesh
-    faces = with_heights(cut, skin_of(cut))
-    rows = np.flatnonzero((np.abs(mean_normals(faces)[1][:, :2]) < 0.25).all(axis=1)).repeat(6)
-    xi = np.tile(CELLS["TRIA6"].reference, (len(rows) // 6, 1))
-    exact = along(LEVEL[skins.slight], values(coefficients(faces), rows, xi), mean_normals(faces)[0][rows])
-    np.testing.assert_allclose(faces.height.at(rows, xi), exact, atol=2e-3 * np.abs(exact).max())
-
-
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
 def test_children_in_the_plane(kind):
     """Two or three pieces of a segment carry the arc of the whole."""
@@ -290,21 +246,6 @@ def test_a_part_of_a_macro_element_has_its_parent_whole():
     some = parents_of(cut, part)
     assert (by_corners(parents_of(cut, faces).faces)[0] == by_corners(some.faces)[0]).all()
     np.testing.assert_allclose(np.abs(some.corner), 1 / 3, atol=1e-14)
-
-
-def test_the_copies_of_slave_faces_have_parents_too():
-    """Another group on the same nodes: the cut cuts both, and marks one of them."""
-    mesh = block("TETRA4")
-    skin = mesh.block("TRIA3")
-    doubled = Mesh.create(
-        mesh.points,
-        [("TETRA4", mesh.block("TETRA4")), ("TRIA3", np.concatenate([skin, skin]))],
-        cell_groups={"skin": mesh.cells_of("skin"), "copy": mesh.cells_of("skin") + len(skin)},
-    )
-    cut = cut_skin(doubled, "skin").mesh
-    faces = skin_of(cut, "copy")
-    assert len(faces) == 3 * len(skin) and len(parents_of(cut, faces).faces) == len(skin)
-    np.testing.assert_allclose(height_of(cut, faces).value, height_of(cut, skin_of(cut)).value, atol=1e-15)
 
 
 # ---- creases and rims
@@ -367,20 +308,3 @@ def test_gaps_of_smooth_skins_have_the_round_off_of_those_of_faces(kind, skew):
     rng = np.random.default_rng(0)
     found = [gaps(*(side.at(side.x + 1e-15 * rng.uniform(-1, 1, side.x.shape)) for side in both)) for _ in range(8)]
     assert np.ptp(found, axis=0).max() < 1e-15
-
-
-def turned_over(mesh):
-    """The mirror image in x of a mesh of faces, each of which starts at another corner."""
-    faces = [(block.type, np.roll(block.nodes[:, ::-1], 1, axis=1)) for block in mesh.blocks]
-    return Mesh.create(mesh.points * [-1, 1, 1], faces)
-
-
-@pytest.mark.rows("TRIA3-TRIA3-smoothed", "QUAD4-QUAD4-facet")
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
-@pytest.mark.parametrize(("slave", "master"), [*product(("TRIA3", "QUAD4"), repeat=2)])
-def test_a_mirror_image_has_the_same_gaps(slave, master, normals):
-    meshes = rolled(skins.waves, 4, slave), rolled(skins.waves, 3, master, down=True)
-    mirrored = [turned_over(mesh) for mesh in meshes]
-    found = [gaps(*map(with_heights, sides), normals=normals) for sides in (meshes, mirrored)]
-    assert np.abs(found[0]).max() > 1e-5
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-15)

@@ -180,13 +180,6 @@ def test_lines_and_arcs_that_go_smoothly_into_each_other(name):
     assert sum(one.nodes for one in found) == len(points) + arcs + lines - (not closed)
 
 
-@pytest.mark.parametrize("start", [0.0, 0.3, 2.0])
-def test_parts_of_circles_of_few_faces(start):
-    """Four faces to a half circle are an arc; two to a quarter, or three to a half, might be any polygon."""
-    for n, turn, name in ((4, np.pi, "circle"), (2, np.pi / 2, "line"), (3, np.pi, "line")):
-        assert names(chain(around(n, start, turn), closed=False)) == [name]
-
-
 POLYGONS = {
     "a triangle": around(3),
     "a square": around(4),
@@ -271,28 +264,6 @@ def test_skins_of_few_faces(name, kind, n):
 @pytest.mark.parametrize("name", [name for name in MERIDIANS if name != "a cone"])
 def test_four_faces_are_a_square(name):
     assert set(names(revolved(MERIDIANS[name](4), 4))) <= {"plane", "free form"}
-
-
-def test_a_pin_with_its_end_and_a_chamfer():
-    """The end is a plane, the chamfer a cone, although all three turn by 45 degrees from one another."""
-    meridian = np.array([[1, -1], [1, -0.5], [1, 0], [0.8, 0.2], [0.4, 0.2]])
-    assert names(revolved(meridian, 8)) == ["cone", "cylinder", "plane"]
-
-
-@pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
-@pytest.mark.parametrize("n", [5, 6, 8])
-def test_a_pin_with_a_round_end(n, kind):
-    """A cylinder goes over into a sphere, each found from a node around which it is alone."""
-    meridian = np.concatenate([[[1, -0.5], [1, 0], [1, 0.5]], ball(4, 0.0) + np.array([0, 1])])
-    found = fit_surface(revolved(meridian, n, kind), "skin")
-    assert sorted(one.shape for one in found) == ["cylinder", "sphere"]
-
-
-def test_tetrahedra_that_turn_by_more_than_others():
-    """Twelve faces around, of which some turn by 41 degrees: such a skin was of free form, sharp here and there."""
-    mesh = rings({"kind": "TETRA4", "n": 12, "radii": (0.6, 1), "heights": (0, 0.4, 0.8, 1.2), "twist": 0.15}, dim=3)
-    (one,) = fit_surface(mesh, "outer")
-    assert (one.shape, one.nodes) == ("cylinder", 48) and one.turn > 40
 
 
 def test_smoothed_normals_go_over_the_same_edges():

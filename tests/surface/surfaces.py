@@ -27,11 +27,9 @@ def skewed(n, ny, skew, seed):
     return x
 
 
-def sheet(n, z=0.0, *, kind="QUAD4", skew=0.0, seed=0, down=False, size=1.0, ny=None, keep=None):
+def sheet(n, z=0.0, *, kind="QUAD4", skew=0.0, seed=0, down=False, size=1.0, ny=None):
     """A rectangle of n x ny faces at height z, its inner nodes moved by up to skew of a face in the plane."""
     mesh = generate.grid(size * skewed(n, ny or n, skew, seed), kind=kind).only("body")
-    if keep is not None:
-        mesh = mesh.with_groups("cells", kept=lambda x: keep(x.T)).only("kept")
     faces = [(b.type, b.nodes[:, np.array(REVERSED[b.type])] if down else b.nodes) for b in mesh.blocks]
     return Mesh.create(mesh.points + np.array([0, 0, z]), faces, space_dim=3)
 

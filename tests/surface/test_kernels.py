@@ -1,6 +1,5 @@
-"""Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
+"""Surfaces and their neighbours; compiled polygons, rules, tree and clip, against plain twins."""
 
-import itertools
 import time
 
 import numpy as np
@@ -9,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lacmesh import Mesh, join
-from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
@@ -19,34 +17,13 @@ from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, in_quad
 from lacmesh.surface.patches import candidates, patches
 from lacmesh.surface.points import face_measure, reaches
 from lacmesh.surface.polygon import ROOM, make_room, nearest_only
-from lacmesh.surface.record import mean_normals
 from tests.meshes import cell_with_faces
 from tests.samples import samples
-from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
+from tests.surface.surfaces import TYPES, mapped, sheet, whole
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
 # ---- plain twins
-
-
-def all_candidates(slave, master, reach):
-    """The pairs of the tree: every pair, by the definition of the prism."""
-    deep = reach.deep.max(initial=0.0)
-    out = []
-    for s in range(len(slave.n)):
-        y = slave.y[s, : slave.n[s]]
-        low, high = y.min(axis=0), y.max(axis=0)
-        low[2] -= min(reach.behind[s] + deep, reach.limit)
-        high[2] += reach.ahead[s]
-        row = []
-        for m in range(len(master.n)):
-            x = master.x[m, : master.n[m]]
-            ends = np.array(list(itertools.product(*zip(x.min(axis=0), x.max(axis=0), strict=True))))
-            there = (ends - slave.centre[s]) @ slave.e[s].T
-            if (there.max(axis=0) >= low - 1e-9).all() and (there.min(axis=0) <= high + 1e-9).all():
-                row.append(m)
-        out.append(row)
-    return out
 
 
 def area(p):
@@ -198,58 +175,6 @@ def test_of_crossing_lines_on_many_patches_the_nearest_counts_everywhere():
 # ---- search and clip
 
 
-def random_pair(seed):
-    """Two random surfaces that face each other: holes, several parts, unequal sizes, curved, tilted, any types."""
-    rng = np.random.default_rng(seed)
-    if rng.random() < 0.2:
-        (one, two), (n, m) = rng.choice(["SEG2", "SEG3"], 2), rng.integers(1, 12, 2)
-        above = line(m, 0.05, kind=two, down=True, a=rng.uniform(-0.5, 0.3), b=rng.uniform(0.5, 1.5))
-        return whole(line(n, kind=one, skew=0.3, seed=seed)), whole(above)
-    made = []
-    for down in (False, True):
-        holes = rng.random((3, 3)) < rng.choice([0.0, 0.35])
-        holes[tuple(rng.integers(0, 3, 2))] = False
-        n = int(rng.integers(3, 8)) * (1 + 2 * (rng.random() < 0.15))
-        kind = str(rng.choice(("QUAD4", "TRIA3", "mixed") if n > 8 else TYPES))
-        keep = lambda c, holes=holes: ~holes[tuple(np.clip((c[:, :2] * 3).astype(int), 0, 2).T)]  # noqa: E731
-        made.append(sheet(n, 0.03 * down, kind=kind, skew=rng.choice([0, 0.2]), seed=seed, down=down, keep=keep))
-    turn, shift, bend = rng.uniform(-0.5, 0.5), rng.uniform(-0.2, 0.2, 2), rng.choice([0.0, 0.0, 0.3, -0.3])
-    c, s = np.cos(turn), np.sin(turn)
-    made[1] = mapped(made[1], lambda x: x @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + [*shift, 0])
-    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    tilt *= np.sign(np.linalg.det(tilt))
-    lift = lambda x: x + np.outer((x[:, :2] ** 2).sum(axis=1) * bend, [0, 0, 1])  # noqa: E731
-    return tuple(whole(mapped(m, lambda x: lift(x) @ tilt)) for m in made)
-
-
-@pytest.mark.fuzz
-def test_the_tree_finds_what_brute_force_finds():
-    for seed in range(samples(20, 40)):
-        slave, master = random_pair(seed)
-        s, m = patches(slave), patches(master)
-        reach = reaches(slave, master, s, m, 0.2 if seed % 2 else None)
-        pairs = candidates(s, m, reach)
-        for k, row in enumerate(all_candidates(s, m, reach) if len(s.n) * len(m.n) < 20000 else ()):
-            assert pairs.other[pairs.start[k] : pairs.start[k + 1]].tolist() == row
-
-
-@pytest.mark.fuzz
-def test_pieces_are_what_the_plain_clip_gives():
-    for seed in range(samples(12, 60)):
-        slave, master = random_pair(seed)
-        s, m = patches(slave), patches(master)
-        if slave.dim == 1 or len(s.n) * len(m.n) > 4000:
-            continue
-        reach = reaches(slave, master, s, m, 10.0, 10.0)
-        pieces = clip(candidates(s, m, reach), s, m, reach)
-        found = np.zeros((len(s.n), len(m.n)))
-        np.add.at(found, (pieces.slave, pieces.master), pieces.area)
-        plain = np.array([[shared_area(s, a, m, b) for b in range(len(m.n))] for a in range(len(s.n))])
-        layered = plain.sum(axis=1) > s.area * (1 + 1e-9)
-        assert np.abs(found - plain)[~layered].max(initial=0) < 1e-12
-        assert (found.sum(axis=1) <= s.area * (1 + 1e-12)).all()
-
-
 corner = st.tuples(*[st.floats(-1, 1)] * 2)
 
 
@@ -285,7 +210,7 @@ def test_two_layers_of_many_faces_over_one_cost_no_more_than_a_few_times_one():
     near, far = sheet(70, 0.05, down=True, skew=0.1), sheet(71, 0.1, down=True, skew=0.1)
     slave, both = whole(sheet(1)), whole(join(far, near))
     s, m = patches(slave), patches(both)
-    reach = reaches(slave, both, s, m, 10.0, 10.0)
+    reach = reaches(slave, both, s, m, penetration=10.0)
     two, pieces = seconds(m)
     assert abs(pieces.area.sum() - 1) < 1e-8 and (pieces.area[pieces.master < 71**2].sum() < 1e-8)
     reach = reaches(slave, whole(far), s, patches(whole(far)), 10.0, 10.0)
@@ -313,51 +238,6 @@ def test_meshes_that_coincide_or_nearly_do(kind, shift):
 # ---- surfaces
 
 
-SOLIDS = [name for name, cell in CELLS.items() if cell.dim >= 2 and cell.facets]
-
-
-@pytest.mark.parametrize("name", SOLIDS)
-@pytest.mark.parametrize("inward", [False, True])
-def test_normals_leave_the_cell_behind_whatever_way_faces_are_listed(name, inward):
-    mesh = cell_with_faces(name, range(len(CELLS[name].facets)), rotation=1, inward=inward)
-    surface = Surface.of(mesh, mesh.cell_groups["slave"])
-    normal, centre = mean_normals(surface)
-    (corners,) = [b.nodes[0, : CELLS[name].n_corners] for b in mesh.blocks if b.type == name]
-    out = centre - mesh.points[corners].mean(axis=0)
-    assert ((normal * out).sum(axis=1) > 0).all()
-    assert (surface.depth > 0).all()
-    assert np.allclose((face_measure(surface)[:, None] * normal).sum(axis=0), 0, atol=1e-12)
-
-
-def test_a_cell_that_is_inside_out_still_has_an_outside():
-    mesh = cell_with_faces("HEXA8", range(6))
-    turned = Mesh.create(
-        mesh.points,
-        [(b.type, b.nodes[:, [4, 5, 6, 7, 0, 1, 2, 3]] if b.type == "HEXA8" else b.nodes) for b in mesh.blocks],
-    )
-    skin = mesh.cell_groups["slave"]
-    assert np.array_equal(Surface.of(turned, skin).faces.nodes, Surface.of(mesh, skin).faces.nodes)
-
-
-def test_duplicates_are_taken_once_and_bare_skins_keep_their_orientation():
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    mesh = Mesh.create(points, [("QUAD4", [[3, 2, 1, 0], [0, 1, 2, 3]])], space_dim=3)
-    surface = whole(mesh)
-    assert surface.cell.tolist() == [0] and surface.faces.nodes[0, :4].tolist() == [3, 2, 1, 0]
-    assert np.isnan(surface.depth[0])
-
-
-def test_a_face_between_two_cells_keeps_its_orientation():
-    mesh = blocks(1, 0.0, 1.0)
-    lower = mesh.block("HEXA8")[0]
-    points = np.concatenate([mesh.points, mesh.points[lower[:4]] - [0, 0, 1]])
-    second = np.concatenate([len(mesh.points) + np.arange(4), lower[:4]])
-    for face in (lower[:4], lower[[0, 3, 2, 1]]):
-        both = Mesh.create(points, [("HEXA8", [lower, second]), ("QUAD4", [face])])
-        surface = Surface.of(both, np.array([2]))
-        assert np.array_equal(surface.faces.nodes[0, :4], face) and np.isnan(surface.depth[0])
-
-
 TILTED = Mesh.create([[0, 0, 0], [1, 0, 1.0]], [("SEG2", [[0, 1]])], space_dim=3)
 ORDER_3 = Mesh.create(np.random.default_rng(0).random((10, 3)), [("TRIA10", [list(range(10))])])
 HEXA = cell_with_faces("HEXA8")
@@ -373,22 +253,6 @@ HEXA = cell_with_faces("HEXA8")
 def test_what_is_no_surface_is_refused(mesh, cells, words):
     with pytest.raises(DataError, match=words):
         Surface.of(mesh, np.array(cells, int))
-
-
-@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "mixed"])
-def test_neighbours_share_an_edge_and_are_mutual(kind):
-    surface = whole(sheet(4, kind=kind))
-    for f, row in enumerate(surface.neighbours):
-        n = surface.n_corners[f]
-        for k, other in enumerate(row):
-            if k >= n or other < 0:
-                continue
-            edge = {surface.faces.nodes[f, k], surface.faces.nodes[f, (k + 1) % n]}
-            assert edge <= set(surface.faces.nodes[other].tolist()) and f in surface.neighbours[other]
-    border = (surface.neighbours < 0).sum() - (4 - surface.n_corners).sum()
-    assert border == 16
-    chain = whole(line(3)).neighbours
-    assert sorted(chain[1][:2].tolist()) == [0, 2] and (chain[[0, 2]] >= 0).sum() == 2
 
 
 def test_kinds_of_maps():

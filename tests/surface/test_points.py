@@ -13,7 +13,6 @@ from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
 from lacmesh.topology.orientation import REVERSED
-from tests.meshes import renumbered
 from tests.samples import each_option, samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, of_types, positions, sheet, whole
 
@@ -117,21 +116,6 @@ def test_gaps_are_signed_as_a_solver_moves_the_surfaces_and_deep_ones_are_bounde
     assert np.allclose(contact_points(slave, deep, max_penetration=0.5).gap, -0.4)
 
 
-@pytest.mark.parametrize("kind", ["QUAD4", "TRIA3", "QUAD8", "mixed 2"])
-def test_a_rigid_motion_changes_nothing(kind):
-    def bend(x):
-        return x + np.outer(0.2 * x[:, 0] ** 2 - 0.1 * x[:, 0] * x[:, 1], [0, 0, 1])
-
-    slave, master = mapped(sheet(5, kind=kind, skew=0.2), bend), mapped(sheet(4, 0.03, kind=kind, down=True), bend)
-    q = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
-    q *= np.sign(np.linalg.det(q))
-    here = contact_points(whole(slave), whole(master))
-    there = contact_points(*(whole(mapped(m, lambda x: x @ q.T + [3, -2, 1])) for m in (slave, master)))
-    a, b = coverage(here, whole(slave)), coverage(there, whole(slave))
-    assert np.allclose(a.ratio, b.ratio, atol=1e-9) and np.allclose(a.gap_integral, b.gap_integral, atol=1e-9)
-    assert len(here) == len(there)
-
-
 def ball(x):
     return x / np.linalg.norm(x, axis=1, keepdims=True)
 
@@ -140,49 +124,6 @@ def cap(n, radius, half, **options):
     """A sheet on a sphere about 0, over the square of the plane z = 1 with sides 2 half."""
     raised = lambda x: ball(np.column_stack([(2 * x[:, :2] - 1) * half, np.ones(len(x))]))  # noqa: E731
     return whole(mapped(sheet(n, **options), lambda x: radius * raised(x)))
-
-
-@pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
-def test_concentric_spheres_at_the_geometrys_rate(kind):
-    """The quadratic geometry is off by O(h^3) or better, and so is the gap."""
-    off = []
-    for n in (4, 8, 16):
-        slave, master = cap(n, 1.0, 0.5, kind=kind), cap(n + 1, 1.05, 0.6, kind=kind, down=True)
-        p = contact_points(slave, master)
-        found = coverage(p, slave)
-        assert np.abs(found.covered / found.area - 1).max() < 1e-8
-        off.append(np.abs(p.gap - 0.05).max())
-    assert np.log2(off[0] / off[1]) > 2.3 and np.log2(off[1] / off[2]) > 2.3
-
-
-def test_concentric_circles_in_the_plane_and_axisymmetric_area():
-    def arc(n, radius, down):
-        turned = lambda x: radius * np.stack([np.cos(x[:, 0]), np.sin(x[:, 0]), 0 * x[:, 0]], axis=1)  # noqa: E731
-        return whole(mapped(line(n, kind="SEG3", down=not down), turned))
-
-    off, areas = [], []
-    for n in (4, 8, 16, 32):
-        slave, master = arc(n, 1.0, False), arc(n + 1, 1.1, True)
-        p = contact_points(slave, master, axisymmetric=True)
-        found = coverage(p, slave)
-        off.append(np.abs(p.gap - 0.1).max())
-        areas.append(abs(found.area.sum() - 2 * np.pi * np.sin(1.0)))
-        assert np.abs(found.covered / found.area - 1).max() < 1e-7
-    assert off[-1] < 1e-8 and (np.diff(np.log2(off)) < -3.5).all() and (np.diff(np.log2(areas)) < -3.5).all()
-
-
-def test_hertz_like_gap():
-    """A paraboloid under a plane: heights integrated over its facets tend to r^2 over the square, at order 2."""
-    off = []
-    over = whole(mapped(sheet(5, 0.0, down=True), lambda x: 5 * x - [2, 2, 0]))
-    bowl = lambda x: x - np.outer(((x[:, :2] - 0.5) ** 2).sum(axis=1), [0, 0, 1])  # noqa: E731
-    for n in (8, 16, 32):
-        slave = whole(mapped(sheet(n, kind="TRIA3"), bowl))
-        p = contact_points(slave, over, search_distance=2.0)
-        assert np.allclose(coverage(p, slave).ratio, 1)
-        # along the normal, on the inclined face: twice the cosine makes it the height over the plane
-        off.append(abs((p.weight * p.gap * p.normal[:, 2] ** 2).sum() - 1 / 6))
-    assert off[2] < 1e-3 and np.allclose(np.array(off[:-1]) / off[1:], 4, rtol=0.02)
 
 
 def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
@@ -200,35 +141,6 @@ def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
     sharp = contact_points(roof, over, normals="smoothed", crease_angle=40)
     blunt = contact_points(roof, over, normals="smoothed", crease_angle=100)
     assert np.allclose(np.abs(sharp.normal[:, 0]), np.sqrt(0.5)) and np.abs(blunt.normal[:, 0]).min() < 0.6
-
-
-def plate(z0, z1):
-    """The skin of a plate one hexahedron thick and 4 x 4 wide, its lower side first."""
-    mesh = generate.box((4, 4, 1), (1, 1, z1 - z0), corner=(0, 0, z0))
-    return Surface.of(mesh, np.concatenate([mesh.cell_groups[name] for name in ("bottom", "top")]))
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.01, -0.01])
-def test_thin_plates_pair_only_the_sides_that_face(gap):
-    upper, lower = plate(gap, gap + 0.05), plate(-0.05, 0.0)
-    p = contact_points(upper, lower)
-    found = coverage(p, upper)
-    assert np.array_equal(found.ratio > 0.5, np.arange(32) < 16)
-    assert np.allclose(found.ratio[:16], 1) and not found.ratio[16:].any()
-    assert np.allclose(p.gap, gap, atol=1e-14) and (p.master >= 16).all()
-
-
-@pytest.mark.parametrize("flat", [True, False])
-def test_of_two_layers_the_nearest_counts_and_coverage_stays_below_one(flat):
-    near, far = (make(n, z, down=True) for make, n, z in ((line if flat else sheet, *a) for a in ((4, 0.05), (3, 0.1))))
-    both = whole(join(far, mapped(near, lambda x: x * [0.6, 1, 1])))
-    slave = whole(line(5) if flat else sheet(5, skew=0.2))
-    p = contact_points(slave, both)
-    found = coverage(p, slave)
-    assert np.abs(found.covered / found.area - 1).max() < 1e-11
-    x = positions(p, slave, p.slave, p.xi_slave)[:, 0]
-    assert np.allclose(p.gap, np.where(x < 0.6, 0.05, 0.1))
-    assert np.isclose((p.weight * p.gap).sum(), 0.6 * 0.05 + 0.4 * 0.1)
 
 
 @pytest.mark.parametrize("side", ["slave", "master"])
@@ -455,15 +367,3 @@ def test_both_sides_of_every_macro_element_sum_to_its_area(space, order):
     # the node inside each macro-element has a column that no other macro-element shares: the cut's own freedom
     own = (np.abs(D) > 1e-14).sum(axis=0) == 1
     assert ((np.abs(D) > 1e-14) & own).any(axis=1).all()
-
-
-def test_renumbering_nodes_and_faces_changes_nothing():
-    bend = lambda x: x + np.outer(0.05 * np.sin(2 * x[:, 0]), [0, 0, 1])  # noqa: E731
-    meshes = [mapped(blocks(4, 0.02, 0.4, skew=0.2, seed=1), bend), mapped(blocks(3, -0.4, 0.0, skew=0.2), bend)]
-    rng = np.random.default_rng(0)
-    others, places = zip(*(renumbered(mesh, rng) for mesh in meshes), strict=True)
-    here, there = ([skin(mesh) for mesh in pair] for pair in (meshes, others))
-    a, b = (coverage(contact_points(*pair), pair[0]) for pair in (here, there))
-    rows = [there[0].cell.tolist().index(cell) for cell in places[0][here[0].cell]]
-    assert np.allclose(a.ratio, b.ratio[rows], rtol=1e-12, atol=0)
-    assert np.allclose(a.gap_integral, b.gap_integral[rows], rtol=1e-9, atol=0)
