@@ -1,28 +1,12 @@
 """A quarter of a thick ring or tube, or of a sphere, 1 <= r <= 2, under inner pressure, and its exact displacement."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacsolver.case import Material, Pressure
 from tests.lacsolver.bodies import body
-
-#: sections of a case: symmetry, and inner pressure 1
-TEXT = """
-[[displacement]]
-group = "y0"
-uy = 0.0
-[[displacement]]
-group = "x0"
-ux = 0.0
-[[pressure]]
-group = "inner"
-value = 1.0
-[[probe]]
-group = "inner"
-name = "a"
-"""
+from tests.problems import case_of, fix
 
 
 def ring(name, n, radial=0):
@@ -49,12 +33,11 @@ def ring(name, n, radial=0):
     return Mesh.create(points, blocks + skin, cell_groups=groups, node_groups=nodes)
 
 
-def case_text(model, poisson, material="", law="elastic", more=""):
-    """The text of a case of a ring with young = 1."""
-    flat = "".join(f'[[displacement]]\ngroup = "z{k}"\nuz = 0.0\n' for k in (0, 1)) if model == "3d" else ""
-    constants = material or f"young = 1.0\npoisson = {poisson}\n"
-    head = f'mesh = "ring.msh"\nmodel = "{model}"\n{more}[[material]]\nlaw = "{law}"\ngroups = ["rubber"]\n{constants}'
-    return head + flat + TEXT
+def case_on(mesh, model, poisson, law="elastic", **keys):
+    """The case of a ring with young = 1 under an inner pressure of 1, by symmetry; `keys`: at the top of a case."""
+    rubber = Material(law=law, groups=["rubber"], young=1.0, poisson=poisson)
+    held = fix("y0", "y"), fix("x0", "x"), *([fix("z0", "z"), fix("z1", "z")] if model == "3d" else [])
+    return case_of(mesh, rubber, *held, Pressure(group="inner", value=1.0), model=model, **keys)
 
 
 def exact(poisson, sphere=False):

@@ -2,8 +2,6 @@
 
 Pressures that alternate are told. Of slivers an overlap is allowed that grows as the covered part vanishes."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections import Counter

@@ -1,7 +1,5 @@
 """Interfaces: rows, gaps and measures against closed forms, balance, ties, tractions, zones, numbers."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache
@@ -17,8 +15,7 @@ from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.shear import first_directions
-from tests.lacsolver.finite_cases import waves
-from tests.lacsolver.patch_meshes import placed, stack, three_blocks
+from tests.lacsolver.patch_meshes import placed, stack, three_blocks, waves
 from tests.problem_meshes import nodes_of
 from tests.samples import each_option
 from verification.meshes.stacks import tilt

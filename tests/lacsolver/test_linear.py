@@ -2,8 +2,6 @@
 
 SciPy's SuperLU serves in the place of rslab where that cannot be loaded or fails: it is said once, and runs go on."""
 
-from __future__ import annotations
-
 import doctest
 import itertools
 import re

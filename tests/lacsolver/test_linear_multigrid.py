@@ -2,8 +2,6 @@
 
 Stiffness as blocks of whole nodes: against what it stands for entry by entry."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

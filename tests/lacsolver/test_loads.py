@@ -1,7 +1,5 @@
 """Loads and springs: their work against exact integrals, their derivatives against differences, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

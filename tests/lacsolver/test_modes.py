@@ -1,7 +1,5 @@
 """Natural modes: exact frequencies and their rates, rigid-body modes, effective masses, contact held in a state."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

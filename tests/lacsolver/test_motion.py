@@ -1,7 +1,5 @@
 """Motion with inertia: the bar on a rigid wall, the account of energy in every step, momentum, rest, fall, restarts."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 with defects that would silently give a wrong answer.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

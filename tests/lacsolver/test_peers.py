@@ -1,7 +1,5 @@
 """The problems that contact codes are compared on (`benchmarks/peers.py`): our errors against theirs, the same mesh."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures and films of contact and of natural modes: what they are made of, and that they are drawn, from a folder."""
 
-from __future__ import annotations
-
 import io
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Bolts that are tightened: columns in closed form on all cells, moments of a bent bolt, sections that are refused."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

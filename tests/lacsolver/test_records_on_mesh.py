@@ -1,7 +1,5 @@
 """What records ask of a mesh: places, nodes of a cut, supports that begin late, which of two surfaces is a slave."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Recovered pressure: from exact means, at edges of contact and of bodies, and from means that scatter."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Rigid bodies, prescribed and loaded, by small and finite rotations, and the reactions of all that holds a body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

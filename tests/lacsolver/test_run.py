@@ -1,7 +1,5 @@
 """Results of a run: figures against its states and by hand, laws of mechanics, and the end of a run that fails."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import replace

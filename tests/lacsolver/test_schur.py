@@ -2,8 +2,6 @@
 
 Columns of the Schur complement serve over the steps: applications of K^-1 are counted, results are as without."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -12,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 
 import lacsolver.equilibrium.reduced
-from lacsolver.case import Displacement, Pressure, Solver, Steps, parse_case
+from lacsolver.case import Displacement, Dynamics, Initial, Material, Pressure, Rigid, Solver, Steps
 from lacsolver.equilibrium import kept_columns
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -21,7 +19,6 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
-from tests.lacsolver.moving import PLANE, SMALL, WALL, steps, thrown
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 from tests.problems import ELASTIC, case_of, contact, fix, move
@@ -199,8 +196,9 @@ def static(count, *records, counts=(7, 6)):
 
 def impact():
     """A disc on a wall, small kinematics: rows close and open one after the other."""
-    text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("body", vy=-0.1) + steps(4.0, 50)
-    return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01), "slave")))
+    solid, thrown = Material(young=1.0, poisson=0.3, density=1.0), Initial(groups=["body"], vy=-0.1)
+    records = solid, contact(master="wall"), Rigid(group="wall"), Dynamics(), thrown, Steps(end=4.0, count=50)
+    return Problem.of(case_of(on_wall(disc(8, (0.0, 1.01), "slave")), *records, model="plane_strain"))
 
 
 @pytest.mark.rows("dynamics")

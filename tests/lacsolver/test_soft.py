@@ -1,7 +1,5 @@
 """Soft contact (springs, exponentials, tables) against springs in series; the energy that it stores; its damping."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

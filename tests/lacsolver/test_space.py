@@ -1,7 +1,5 @@
 """Spaces and laws: numbering, patterns, rules, what a model refuses; what constants mean; who has which law."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import partial

@@ -5,8 +5,6 @@ which is what the differences are good for. So they are, whatever the faces and 
 front of several pieces move, and rules with a few points leave their derivatives off by what they are themselves: 1e-4,
 and 1e-2 on lines that curve, whose 4 points feel it most."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 
