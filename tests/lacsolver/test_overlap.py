@@ -30,7 +30,7 @@ from lacsolver.problem.skin import prepared
 from lacsolver.results.state import UNPAIRED
 from lacsolver.running import run
 from lacsolver.validation import validate
-from tests.lacsolver.patch_meshes import placed, stack, three_blocks
+from tests.lacsolver.patch_meshes import placed, stack
 from tests.problem_meshes import nodes_of
 from tests.problems import ELASTIC, case_of, contact, fix, move
 from tests.samples import each_option
@@ -154,18 +154,6 @@ def test_only_nodes_within_the_distance_are_moved():
     with pytest.raises(CaseError, match="adjust"):
         contact(adjust=-1.0)
     assert contact(adjust=0).adjust == 0  # nodes that overlap alone are moved, as with ADJUST=0.0 of decks
-
-
-def test_several_zones_one_after_the_other():
-    """A middle body is slave of one contact and master of the next."""
-    mesh = wavy(wavy(three_blocks(), "slave1", up=1.0), "slave2", up=1.0)
-    problem = Problem.of(
-        pressed(mesh, *(Contact(slave=f"slave{k}", master=f"master{k}", adjust=0.021) for k in (1, 2)))
-    )
-    (state,) = march(problem)
-    for zone in state.zones:
-        np.testing.assert_allclose(zone.pressure, 10.0, rtol=1e-10)
-    assert set(problem.adjusted) == {"slave1", "slave2"}
 
 
 @pytest.mark.parametrize("before", [0.99, 1.01])
@@ -358,17 +346,6 @@ def test_a_slave_that_hardly_has_a_master_is_told(tmp_path):
     closed, apart = (replace(mesh, points=mesh.points + [0, up, 0] * below) for up in (0.005, -0.01))
     assert ran(of(closed, "finite"), tmp_path / "closed")[2] == ""
     assert ran(of(apart, "finite"), tmp_path / "open")[2].startswith(said)
-
-
-@pytest.mark.parametrize(
-    ("slave", "master"), [("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA6 quadrangle", "HEXA8")]
-)
-def test_blocks_that_lie_in_one_another_are_refused_and_parted_on_demand(slave, master):
-    mesh = stack(slave, master, 3, gap=-0.7, even=True)
-    with pytest.raises(CaseError, match=r"by up to 0\.7, near"):
-        solved(of(mesh))
-    zone = solved(of(mesh, max_penetration=0.8))
-    assert (zone.status != UNPAIRED).all() and (zone.pressure > 0).all()
 
 
 @pytest.mark.parametrize(

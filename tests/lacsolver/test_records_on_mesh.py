@@ -192,16 +192,6 @@ def test_an_end_that_is_held_with_large_strains():
     np.testing.assert_allclose(steps[2:, 2], [-10, -20], rtol=1e-8)
 
 
-def test_a_restart_after_a_support_has_begun(tmp_path):
-    case = bar(move("right", begin=1.0, ux=0.0))
-    done = run(replace(case, steps=ls.Steps(times=(0.5, 1.5))), create_output(tmp_path / "out"))
-    again = run(
-        case, create_output(tmp_path / "out", force=True), start=read_state(tmp_path / "out", case, mesh=case.mesh)
-    )
-    assert [step.time for step in done.steps] == [0.5, 1.0, 1.5] and again.steps[-1].time == 2.0
-    assert again.steps[-1].reactions["right"][0] == pytest.approx(-20, rel=1e-9)
-
-
 def pushed(*supports, load=((0, 0), (1, -10), (2, 10)), joint=True):
     """A block pressed on another one; nothing else holds it along z from the start."""
     mesh = stack(box(2), box(2))

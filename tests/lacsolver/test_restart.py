@@ -92,6 +92,7 @@ def test_the_command_goes_on_after_it_was_stopped(ran, tmp_path, monkeypatch, nu
     assert read_state(tmp_path / "out", case).time == last
     assert not [path for path in (tmp_path / "out").rglob(".*") if path.is_file()]
     assert main(["run", "case.toml", "--restart", "out", "-o", "out", "-q"]) == 0
+    assert (read_state("out", case).time, read_state("out", case).number) == (3.0, 6)
     assert main(["run", "case.toml", "--restart", "out", "--from", "2.5", "-o", "last", "-q"]) == 0
     assert [step["time"] for step in results(tmp_path / "last")["steps"]] == [3.0]
     run(case, tmp_path / "whole")
