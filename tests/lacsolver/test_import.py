@@ -212,17 +212,6 @@ def test_modes_with_nodal_diameters_are_warned_of(tmp_path):
     assert made.case.steps.last == 1
 
 
-def test_sets_that_overlap_over_steps(tmp_path):
-    """Step 2 changes the force on one node of a set: it replaces that of step 1 there, and leaves the others."""
-    steps = step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{TOP[0]}, 3, 1.\n")
-    made = imported(tmp_path, bodies(COLUMN) + held() + steps)
-    end = {record.group: float(record.fz.at(2.0)) for record in made.case.force}
-    middle = {record.group: float(record.fz.at(1.0)) for record in made.case.force}
-    assert sorted(end.values()) == [1.0, 4.0]
-    assert set(middle.values()) == {4.0}
-    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(TOP)
-
-
 @pytest.mark.parametrize(
     "support, options, ways",
     [

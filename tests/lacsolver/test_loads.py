@@ -21,7 +21,7 @@ from lacsolver.problem import loads
 from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
-from lacsolver.space.values import evaluate, evaluate_vector
+from lacsolver.space.values import evaluate_vector
 from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
 from tests.lacsolver.moving import unbalanced
 from tests.lacsolver.test_finite import by_differences
@@ -316,14 +316,6 @@ def bare():
 def test_a_wrong_load_is_refused(mesh, load, error, words):
     with pytest.raises(error, match=words):
         load(Space.of(mesh(), "plane_strain"))
-
-
-def test_a_value_is_a_number_or_a_function():
-    x = np.arange(12.0).reshape(2, 2, 3)
-    assert evaluate(2, x, 0.0, "it").tolist() == [[2, 2], [2, 2]]
-    assert evaluate(lambda p, t: p[:, 1] + t, x, 1.0, "it").tolist() == [[2, 5], [8, 11]]
-    assert evaluate(lambda p, t: 3.0, x, 1.0, "it").tolist() == [[3, 3], [3, 3]]
-    assert evaluate_vector((1.0, lambda p, t: p[:, 0]), x, 0.0, 2, "it")[..., 1].tolist() == [[0, 3], [6, 9]]
 
 
 # ---- springs between two nodes

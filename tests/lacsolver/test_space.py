@@ -30,7 +30,6 @@ from tests.lacsolver.bodies import (
     cube,
     distorted,
     made,
-    mixture,
     one_cell,
     plane_mixture,
     square,
@@ -88,14 +87,6 @@ def test_edges_have_the_thickness_of_their_cell():
         space.thick(np.array([4]))
     same = Space.of(strip(), "plane_stress", thickness={"both": 3.0, "left": 3.0})
     assert same.thick(np.array([4])) == 3.0
-
-
-@pytest.mark.parametrize("mesh", [mixture(), mixture("2-full"), cube("TETRA10", 2), plane_mixture("2")])
-def test_pattern_equals_its_plain_twin(mesh):
-    space = Space.of(mesh, "3d" if mesh.space_dim == 3 else "plane_strain")
-    indptr, indices = plain.pattern([b.nodes for b in space.blocks], mesh.n_nodes)
-    assert np.array_equal(space.pattern.indptr, indptr)
-    assert np.array_equal(space.pattern.indices, indices)
 
 
 BOX = square("QUAD4", 1)
