@@ -14,7 +14,7 @@ from lacsolver.bodies import small as assemble
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-from lacsolver.case import CaseError, Dynamics, Initial, Material, Rigid, Spring, Steps
+from lacsolver.case import CaseError, Material, Rigid, Spring, Steps
 from lacsolver.distributed.share import Share
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem import loads
@@ -23,7 +23,6 @@ from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
 from lacsolver.space.values import evaluate_vector
 from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
-from tests.lacsolver.moving import unbalanced
 from tests.lacsolver.test_finite import by_differences
 from tests.problems import case_of
 from tests.quality_cells import rotation
@@ -81,17 +80,6 @@ def test_a_pressure_on_one_side_pushes_into_the_body_however_the_side_is_listed(
         np.testing.assert_allclose(loads.pressure(space, np.array([1]), 3.0), [0, 0, 0, 0, 0, -1.5, 0, -1.5])
 
 
-@EVERY
-def test_a_follower_is_the_pressure_on_the_deformed_mesh(name, model):
-    space, skin = curved(name, model)
-    move = np.random.default_rng(2).uniform(-0.05, 0.05, space.mesh.points.shape) * [1, 1, space.dim == 3]
-    there = space.mesh.points + move
-    deformed = Mesh.create(there, space.mesh.blocks, space_dim=space.mesh.space_dim)
-    thickness = space.thickness if model == "plane_stress" else None
-    expected = loads.pressure(Space.of(deformed, model, thickness=thickness), skin, 2.0)
-    np.testing.assert_allclose(loads.pressure(space, skin, 2.0, x=there), expected, atol=1e-14)
-
-
 def faces_of(row):
     """The kinds of faces that are pressed, each in its model, and the pressure."""
     name, model, value = row
@@ -100,8 +88,7 @@ def faces_of(row):
 
 @pytest.mark.rows("QUAD4-axisymmetric-3.0", "QUAD8-plane_strain-varying")
 @pytest.mark.parametrize(
-    ("name", "model", "value"),
-    each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of),
+    ("name", "model", "value"), each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of)
 )
 def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
     space, skin = curved(name, model)
@@ -168,24 +155,6 @@ def test_the_work_of_a_body_force_of_which_weight_is_one(name, model):
     assert f @ v == pytest.approx(exact, rel=1e-12)
     weight = loads.gravity(space, Materials.of(space, LAW), (np.e / 7, 2 / 7, -1 / 7)[: space.dim])
     np.testing.assert_allclose(weight, f, rtol=0, atol=1e-13 * np.abs(f).max())
-
-
-@EACH_MODEL
-def test_gravity_of_two_densities_and_its_moment(model):
-    mesh = mixture("2") if model == "3d" else plane_mixture("2")
-    groups = {"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)}
-    space = Space.of(Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, space_dim=mesh.space_dim), model)
-    materials = Materials.of(space, [(LAW, ("a",)), (Elastic(1.0, 0.0), ("b",))])
-    f = loads.gravity(space, materials, (0.0, lambda x, t: t + 0 * x[:, 0], 0.0)[: space.dim], t=2.0)
-    weight = moment = 0.0
-    for block, x, w in zip(space.blocks, assemble.points(space, 8), assemble.weights(space, 8), strict=True):
-        heavy = (block.cell % 2 == 0)[:, None] * w
-        weight, moment = weight + heavy.sum(), moment + (heavy * x[..., 0]).sum()
-    fy = f.reshape(-1, space.dim)[:, 1]
-    assert fy.sum() == pytest.approx(14 * weight, rel=1e-12)
-    assert fy @ space.mesh.points[:, 0] == pytest.approx(14 * moment, rel=1e-12)
-    with pytest.raises(DataError, match="needs a density"):
-        loads.gravity(space, Materials.of(space, Elastic(1.0, 0.0)), (0.0,) * space.dim)
 
 
 @EVERY
@@ -305,6 +274,8 @@ def bare():
         (square_with_skin, lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "has 1 components"),
         (square_with_skin, lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"\(3, 2\)"),
         (square_with_skin, lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "and is -2"),
+        (square_with_skin, lambda s: loads.gravity(s, Materials.of(s, Elastic(1.0, 0.0)), (0.0, 1.0)), DataError,
+         "needs a density"),
         (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "just one cell"),
         (bare, lambda s: loads.traction(s, np.array([1]), (1.0, 0.0)), DataError, "cells 2 have"),
         (bare, lambda s: loads.nodal_force(s, np.array([0, 3]), (1.0, 0.0)), DataError, "at nodes 40"),
@@ -445,19 +416,6 @@ def test_a_spring_on_a_line_leaves_all_free_but_the_distance():
     assert len(free) == 5, [describe(motion) for motion in free]
     for motion in free:
         np.testing.assert_allclose(K @ motion.field, 0, atol=1e-12)
-
-
-def test_bodies_that_a_spring_joins_keep_their_momentum_and_energy():
-    """Two bodies that fly and turn about one another on a spring: what it stores is in the account of energy."""
-    thrown = Initial(groups=["b"], vx=0.4, vy=-0.3), Initial(groups=["c"], vy=0.5, vz=0.2)
-    records = Rigid(group="a"), spring("b", "c", k=30.0), Dynamics(alpha=0.0), *thrown, Steps(end=0.4, count=8)
-    problem = problem_of(*records, kinematics="finite")
-    states = [state for state in march(problem) if state.step.motion is not None]
-    motions = [state.step.motion for state in states]
-    assert unbalanced(motions) < 1e-9
-    stored = np.array([LineSprings(problem.space, np.array([[8, 16]]), np.array([30.0])).energy(s.u) for s in states])
-    assert stored.max() > 1e-2
-    np.testing.assert_allclose(motions[-1].linear, motions[0].linear, atol=1e-9)
 
 
 def test_several_processes_refuse_springs_between_nodes():

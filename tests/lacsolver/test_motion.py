@@ -202,10 +202,7 @@ MISTAKES = [
     (lambda: [ls.Dynamics(), ls.Initial()], "needs at least one of"),
     (lambda: [ls.Rigid(group="wall", fy=1.0), ls.Dynamics()], "'wall' .* has no mass"),
     (lambda: [ls.Rigid(group="wall", moment=1.0, mass=1.0), ls.Dynamics()], "'wall' .* has no inertia"),
-    (
-        lambda: [fix("top", "y"), ls.Dynamics(), thrown("bar", vy=-1.0)],
-        "prescribed displacements exclude",
-    ),
+    (lambda: [fix("top", "y"), ls.Dynamics(), thrown("bar", vy=-1.0)], "prescribed displacements exclude"),
 ]
 
 

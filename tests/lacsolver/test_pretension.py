@@ -13,17 +13,7 @@ from lacmesh import join
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.generate import box, rectangle
-from lacsolver.case import (
-    CaseError,
-    Displacement,
-    Dynamics,
-    Material,
-    Pressure,
-    Pretension,
-    Rigid,
-    Steps,
-    Traction,
-)
+from lacsolver.case import CaseError, Displacement, Dynamics, Material, Pressure, Pretension, Rigid, Steps, Traction
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem

@@ -11,13 +11,12 @@ import pytest
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.kernels import Kernel
-from lacsolver.bodies.small import points, stress
+from lacsolver.bodies.small import points
 from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, Steps, Temperature, Tie
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import balance, moment, probe, stress_ranges, with_invariants
-from lacsolver.results.nodal import principal, von_mises
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
 from lacsolver.space.space import Space
@@ -131,15 +130,6 @@ def test_zones_are_the_states_too(made):
     foot, zone = made.told["contact"]["foot"], state.zones[0]
     assert 0 < foot["active"] < foot["active"] + foot["open"] and foot["unpaired"] == 0, "it opens in part"
     np.testing.assert_allclose(foot["resultant"][2], zone.pressure @ (zone.area * zone.coverage), rtol=1e-12)
-
-
-def test_stress_is_that_at_integration_points(made):
-    found = stress(made.problem.space, made.problem.materials, made.states[-1].u)
-    whole = np.concatenate([values.reshape(-1, 6) for values in found])
-    assert set(made.told["stress"]) == {""}, "no group has cells of the body"
-    whole = np.concatenate([whole, von_mises(whole)[:, None], principal(whole)], axis=1)
-    for k, ends in enumerate(made.told["stress"][""].values()):
-        np.testing.assert_allclose(ends, [whole[:, k].min(), whole[:, k].max()], rtol=1e-9)
 
 
 def test_reactions_and_springs_bear_the_load_and_contact_forces_balance(made):

@@ -23,17 +23,7 @@ from lacsolver.cli import main
 from lacsolver.space.rules import SOLID_CELLS, cell_rule
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
-from tests.lacsolver.bodies import (
-    PLANE_MODELS,
-    PLANES,
-    SOLIDS,
-    cube,
-    distorted,
-    made,
-    one_cell,
-    plane_mixture,
-    square,
-)
+from tests.lacsolver.bodies import PLANE_MODELS, PLANES, SOLIDS, cube, distorted, made, one_cell, plane_mixture, square
 from tests.problems import case_of, contact, fix, move
 from tests.quality_cells import rotation
 from tests.samples import each_option
