@@ -172,14 +172,6 @@ def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
         np.testing.assert_allclose(load(mirror), flip * f, rtol=0, atol=1e-13 * np.abs(f).max())
 
 
-def test_nodal_forces_and_springs_stand_at_their_nodes():
-    space = Space.of(square_with_skin(), "plane_strain")
-    f = loads.nodal_force(space, np.array([2, 0, 2]), (lambda x, t: t * x[:, 0], 5.0), t=2.0)
-    assert f.tolist() == [2, 5, 0, 0, 4, 5, 0, 0]
-    S = loads.springs(space, np.array([1, 3]), (4.0, lambda x, t: t * x[:, 0]), t=3.0)
-    np.testing.assert_array_equal(S.toarray(), np.diag([0, 0, 4, 6, 0, 0, 4, 3]))
-
-
 # ---- warmth
 
 WOOD = Orthotropic(
@@ -323,17 +315,6 @@ def moved(problem):
 
 
 FIXED = Rigid(group="a"), Rigid(group="c")
-
-
-def test_two_springs_in_series():
-    """A body on a spring to the ground, and another one on a spring to it: each spring has the force behind it."""
-    records = Rigid(group="a", fx=0.1, fy=-0.2), Rigid(group="b", fx=0.4, fy=0.3), Rigid(group="c")
-    records += spring("a", kx=2.0, ky=3.0), spring("b", "a", kx=5.0, ky=7.0)
-    _, u, energy = moved(problem_of(*records, model="plane_stress", kinematics="finite", thickness=0.3))
-    one = np.array([0.5 / 2.0, 0.1 / 3.0])
-    two = np.add(one, [0.4 / 5.0, 0.3 / 7.0])
-    np.testing.assert_allclose(u[[0, 4]], [one, two], rtol=1e-9)
-    assert energy == pytest.approx(0.5 * ([0.1, -0.2] @ one + [0.4, 0.3] @ two), rel=1e-9)
 
 
 def test_full_circle_of_a_ring():

@@ -12,7 +12,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.kernels import Kernel
 from lacsolver.bodies.small import points
-from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, Steps, Temperature, Tie
+from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, Steps, Tie
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
@@ -315,36 +315,6 @@ def test_skin_cells_of_a_group_say_nothing():
     assert set(stress_ranges(space, (np.full((1, 4, 4), 7.0),))) == {"", "body"}  # x0, x1, y0, y1 hold segments alone
     both = Space.of(replace(space.mesh, cell_groups={"both": np.arange(space.mesh.n_cells)}), "plane_strain")
     assert stress_ranges(both, (np.full((1, 4, 4), 7.0),))["both"]["xy"] == (7, 7)
-
-
-E, NU, WARM = 1.0, 0.3, 3e-3
-#: of a strain along x alone and along all axes: the energy of a unit of volume, over the strain squared
-ASIDE, ALL = 0.5 * E * (1 - NU) / (1 + NU) / (1 - 2 * NU), 1.5 * E / (1 - 2 * NU)
-RING = np.pi * (2**2 - 1)
-
-
-@pytest.mark.parametrize(
-    ("model", "kind", "strain", "warm", "expected"),
-    [
-        *(("3d", kind, [0.01, -0.003, -0.003], False, 0.5 * E * 1e-4) for kind in ("HEXA8", "TETRA10", "PYRAM13")),
-        ("plane_stress", "QUAD8", [0.01, 0.0], False, 0.5 * E / (1 - NU**2) * 1e-4),
-        ("plane_strain", "QUAD8", [0.01, 0.0], False, ASIDE * 1e-4),
-        ("axisymmetric", "TRIA6", [0.01, 0.01], False, ALL * 1e-4 * RING),  # of the full circle
-        ("3d", "HEXA8", [WARM] * 3, True, 0.0),  # free
-        ("3d", "HEXA8", [0.0] * 3, True, ALL * WARM**2),  # held
-        ("plane_strain", "QUAD4", [0.0] * 2, True, ALL * WARM**2),
-        ("plane_strain", "QUAD4", [(1 + NU) * WARM] * 2, True, 0.5 * E * WARM**2),  # held along z alone
-        ("plane_stress", "QUAD4", [WARM] * 2, True, 0.0),
-        ("plane_stress", "QUAD4", [0.0] * 2, True, E / (1 - NU) * WARM**2),
-        ("axisymmetric", "QUAD4", [0.0] * 2, True, ALL * WARM**2 * RING),
-    ],
-)  # fmt: skip
-def test_energy_of_a_body_that_is_stretched_or_warm(model, kind, strain, warm, expected):
-    mesh = cube(kind, 2) if model == "3d" else square(kind, 2)
-    steel = Material(young=E, poisson=NU, expansion=1e-4, reference_temperature=10.0)
-    problem = Problem.of(case_of(mesh, steel, *[Temperature(value=40.0)] * warm, model=model), mesh)
-    u = (mesh.points[:, : problem.space.dim] * strain).ravel()
-    assert problem.kinematics.energy(u, 1.0) == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
 def test_a_probe_is_the_mean_over_its_nodes_and_no_cells_have_no_invariants():
