@@ -16,7 +16,6 @@ from lacsolver.contact.shear import first_directions
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks, waves
 from tests.problem_meshes import nodes_of
 from tests.samples import each_option
-from verification.meshes.stacks import tilt
 
 #: (slave, master, dimension): every family of faces, linear and quadratic
 PAIRS = [
@@ -31,8 +30,7 @@ EVERY = [
     *PAIRS, ("TRIA3", "QUAD9", 2), ("QUAD8", "TRIA6", 2), ("PENTA6 triangle", "HEXA20", 3), ("HEXA20", "TETRA10", 3)
 ]  # fmt: skip
 MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
-ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
-FAR, RUBBED = Pairing(search_distance=0.5), Pairing(search_distance=0.5, friction=True)
+FAR = Pairing(search_distance=0.5)
 
 
 @cache
@@ -126,20 +124,6 @@ def test_a_clearance_is_that_of_the_undeformed_place(clearance, wanted):
 
 
 # ---- ties
-
-
-@ALL
-def test_the_rows_of_a_tie_are_the_jump_and_those_of_friction_the_slip(slave, master, dim):
-    """A master that moves away along each axis: minus its motion, w times; its parts along the tangents are slip."""
-    motion = np.array([0.5, -1.0, 2.0])[:dim]
-    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=0.0, skew=0.1), tilt(dim)))
-    v, face, tie = uniform(mesh, "master", motion), integrate(zone, dim, RUBBED), integrate(zone, dim, FAR, tie=True)
-    np.testing.assert_allclose((tie.B @ v).reshape(-1, dim), -tie.w[:, None] * motion, rtol=1e-11)
-    size = np.einsum("mas,mbs->mab", face.frame, face.frame)
-    np.testing.assert_allclose(size, np.tile(np.eye(dim - 1), (zone.n_macros, 1, 1)), atol=1e-12)
-    np.testing.assert_allclose(
-        (face.B_T @ v).reshape(-1, dim - 1), -face.w[:, None] * (face.frame @ motion), atol=1e-12
-    )
 
 
 # ---- tractions
