@@ -173,7 +173,7 @@ ACCOUNTS = {
 }
 
 
-@pytest.mark.rows("free wall", "heated")
+@pytest.mark.rows("free wall", "heated", "wall that turns")
 @pytest.mark.parametrize("name", ACCOUNTS)
 def test_the_account_of_energy_closes(name):
     """Kinetic + strain - external + damped + contact + numerical is 0 in every step, the impact among them."""

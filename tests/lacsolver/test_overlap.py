@@ -30,7 +30,7 @@ from lacsolver.problem.skin import prepared
 from lacsolver.results.state import UNPAIRED
 from lacsolver.running import run
 from lacsolver.validation import validate
-from tests.lacsolver.patch_meshes import placed, stack
+from tests.lacsolver.patch_meshes import placed, stack, three_blocks
 from tests.problem_meshes import nodes_of
 from tests.problems import ELASTIC, case_of, contact, fix, move
 from tests.samples import each_option
@@ -140,6 +140,18 @@ def test_only_nodes_within_the_distance_are_moved():
     with pytest.raises(CaseError, match="adjust"):
         contact(adjust=-1.0)
     assert contact(adjust=0).adjust == 0  # nodes that overlap alone are moved, as with ADJUST=0.0 of decks
+
+
+def test_several_zones_one_after_the_other():
+    """A middle body is slave of one contact and master of the next."""
+    mesh = wavy(wavy(three_blocks(), "slave1", up=1.0), "slave2", up=1.0)
+    problem = Problem.of(
+        pressed(mesh, *(Contact(slave=f"slave{k}", master=f"master{k}", adjust=0.021) for k in (1, 2)))
+    )
+    (state,) = march(problem)
+    for zone in state.zones:
+        np.testing.assert_allclose(zone.pressure, 10.0, rtol=1e-10)
+    assert set(problem.adjusted) == {"slave1", "slave2"}
 
 
 @pytest.mark.parametrize("before", [0.99, 1.01])
