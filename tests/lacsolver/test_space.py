@@ -261,18 +261,6 @@ def two_groups():
     return Space.of(replace(mesh, cell_groups=groups), "plane_strain")
 
 
-def test_laws_by_groups():
-    space = two_groups()
-    stiff = Elastic(100.0, 0.2, density=3.0)
-    owned = Materials.of(space, [(ELASTIC, ("low",)), (stiff, ("high",))])
-    expected = np.arange(space.mesh.n_cells) >= space.mesh.n_cells // 2
-    for number, block in enumerate(space.blocks):
-        assert owned.law[number].tolist() == expected[block.cell].astype(int).tolist()
-        assert owned.densities(number).tolist() == np.where(expected[block.cell], 3.0, 0.0).tolist()
-    assert {int(k) for law in owned.law for k in law} == {0, 1}
-    assert owned.terms.lame.tolist() == [list(ELASTIC.lame), list(stiff.lame)]
-
-
 @pytest.mark.parametrize(
     ("given", "error", "says"),
     [
