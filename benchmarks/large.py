@@ -1,100 +1,115 @@
-"""Measure large contact models: time by phase, V-cycles, memory, growth, against multigrid solves of K alone.
+"""Measure large models: parts of a mesh, a contact solve by phase against K alone, and runs in several processes.
 
-    python benchmarks/large.py [--quick] [--finite] [--ratio 1] [--backend multigrid] [--sizes 50000 ...] [-o TABLE.md]
+    python -m benchmarks.large [--quick] [--parts partition model processes] [--sizes 100000 1000000] [--ratio 1]
+                               [--ranks 1 2] [--backends multigrid gamg hypre] [--weak] [--kinds ...] [-o TABLE.md]
 
-3D Hertz: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match, HEXA8 cut `pyramid`,
-small kinematics, `geometry = "reference"`, one step from no contact at all, all steps of the active set included. Each
-size runs in a process of its own, whose largest resident memory is told. 'K alone' is a multigrid solve of the elastic
-problem without contact, set-up included, to residuals of 1e-12 of the forces, before contact in the same process (that
-of contact is told beside it). 'Coarse start' is the first active set, found on the first coarser level; its V-cycles
-cost a small part of the others and are not counted. 'Contact' is all from K to the state, its own set-up, search and
-integration included. Seconds are of the wall, with those of the processors in brackets. `--finite`: the same under
-finite kinematics (neo-Hookean, `geometry = "current"`, the upper skin round without a clearance), whose ratio is that
-of a Newton iteration. `--ratio`: stiffness of the upper block, the master, relative to that of the lower one.
+`partition`: blocks of 1e6 and 1e7 HEXA8 with the group 'slave' on top, in 64 parts: to read, distribute, write, read a
+part back.
+
+`model`: the blocks of `contact.py`, `geometry = "reference"`, multigrid, one step from no contact at all, each size in
+a process of its own. "K alone" is a solve of the elastic problem without contact, set-up included, before contact in
+the same process. "Coarse start" is the first active set, found on the first coarser level; its V-cycles are not
+counted. "Contact" is all from K to the state. Memory is the largest resident memory of the process.
+
+`processes`: the same model, or that of `moving.py` (`--kinds`), in processes of `mpiexec` with the Python that
+`--python` names, against the serial solver on one thread; the mesh is divided once for each number of processes.
+`--weak`: the sizes are unknowns of a process. More processes than cores share the cores. From the matrices to the
+pressures: all of the active set, without assembly and pairing. Efficiency is the time of one process over n times that
+of n. "Grown": growth of the memory since all modules and kernels were loaded.
+
+Seconds are those of the processor, of the process that has most of them, busy waiting for others included, and in
+brackets of the clock. Of `--repeat` runs the fastest counts. `--ratio`: stiffness of the upper block, the master,
+relative to that of the lower one.
 """
 
 from __future__ import annotations
 
-import argparse
 import gc
 import json
-import os
 import resource
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+import tempfile
+from collections import deque
+from contextlib import ExitStack
 from pathlib import Path
-from statistics import median
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from contact import cut, pressed
-from meshes import blocks
 
+import lacmesh
+import lacsolver.bodies.small
 import lacsolver.contact.interface
+import lacsolver.contact.tangent
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.attempt
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
+import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
-from lacmesh import Mesh
-from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.contact import integrate
+from benchmarks.common import Clock, blocks, box, exponent, main, side
+from benchmarks.contact import pressed, pressed_case
+from benchmarks.moving import DERIVATIVES, case_of
+from lacmesh.partition import describe_parts, distribute_nodes, read_part, write_parts
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import TOLERANCE
 from lacsolver.problem.problem import Problem
-from lacsolver.saddle.saddle import SaddleSolution
+from verification.mpiexec import ROOT, environment, missing, python_with_petsc, words
 
-SIZES = (50_000, 100_000, 370_000, 1_000_000)
-QUICK = (10_000, 25_000, 50_000)
-
-
-class Clock:
-    """Wall and processor seconds by phase."""
-
-    def __init__(self) -> None:
-        self.wall: dict[str, float] = {}
-        self.cpu: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        start = time.perf_counter(), time.process_time()
-        yield
-        self.wall[phase] = self.wall.get(phase, 0.0) + time.perf_counter() - start[0]
-        self.cpu[phase] = self.cpu.get(phase, 0.0) + time.process_time() - start[1]
-
-    def mean(self, phase: str, count: int) -> None:
-        """Replace the total time of a phase by its mean over `count` runs."""
-        for seconds in (self.wall, self.cpu):
-            seconds[phase] /= count
-
-    def around(self, phase: str, work: Callable[..., Any], kept: list[Any] | None = None) -> Callable[..., Any]:
-        """Wrap `work` so that its calls are timed as a phase; its results are appended to `kept`."""
-
-        def timed(*arguments: Any, **options: Any) -> Any:
-            with self(phase):
-                made = work(*arguments, **options)
-            if kept is not None:
-                kept.append(made)
-            return made
-
-        return timed
+PARTS = ("partition", "model", "processes")
+RANKS = 64
+KINDS = ("reference", "current facet", "current smoothed", "finite facet")
+#: the backend multigrid on one thread of one process, without MPI
+SERIAL = "serial"
+PARTITION_HEADS = ("cells", "read", "distribute", f"write {RANKS} parts", "read one", "copies of a node")
+PHASES = ("assembly", "pairing", "set-up", "coarse start", "loops", "contact", "K alone")
+MODEL_HEADS = ("unknowns", *PHASES, "ratio", "memory")
+PROCESS_HEADS = ("unknowns, model, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
+PROCESS_HEADS += ("against serial", "assembly", "pairing", "derivative", "memory", "grown, an unknown of the process")
 
 
-def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
+# ---- parts of a mesh
+
+
+def divided(n: int, folder: Path):
+    """A row: a block of n^3 cells and its parts, written into a folder."""
+    clock = Clock()
+    lacmesh.write(folder / "block.msh", box(n, n, n))
+    with clock("read"):
+        mesh = lacmesh.read(folder / "block.msh")
+    with clock("distribute"):
+        owner = distribute_nodes(mesh, RANKS)
+    with clock("write"):
+        write_parts(folder / "parts", mesh, owner)
+    with clock("one"):
+        read_part(folder / "parts", RANKS // 2, everywhere=["slave"])
+    seconds = [f"{clock.cpu[phase]:.2f} ({clock.wall[phase]:.2f})" for phase in clock.cpu]
+    return (f"{mesh.n_cells:,}", *seconds, f"{describe_parts(folder / 'parts')['copies']:.2f}")
+
+
+def partition(quick: bool):
+    for n in (46, 100) if quick else (100, 216):
+        with tempfile.TemporaryDirectory() as name:
+            yield divided(n, Path(name))
+
+
+# ---- a contact solve on this process
+
+
+def watched(clock: Clock, solved: list, interfaces: deque) -> ExitStack:
     """The phases of a contact solve under the clock."""
-    places = [
-        (lacsolver.contact.interface, "contact_points", "search", None),
-        (lacsolver.problem.pair, "integrate", "search and integration", None),
+    places: list[tuple[Any, str, str, Any]] = [
+        (lacsolver.bodies.small, "assemble_stiffness", "assembly", None),
+        (lacsolver.problem.pair, "integrate", "pairing", interfaces),
         (lacsolver.saddle.stiffness.FactorCache, "factorise", "set-up", None),
+        (lacsolver.saddle.shared_stiffness.SharedFactors, "factorise", "set-up", None),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.attempt, "coarse_start", "coarse start", None),
+        *((lacsolver.contact.tangent, name, "derivative", None) for name in DERIVATIVES),
     ]
     stack = ExitStack()
     for module, name, phase, kept in places:
@@ -102,156 +117,189 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
     return stack
 
 
-def side(unknowns: int) -> int:
-    """Cells along the side of the lower block."""
-    return next(n for n in range(4, 200) if 3 * (n * n + (n - 3) ** 2) * (n // 2) > 0.98 * unknowns)
+def measured(parts: str, unknowns: int, backend: str, ratio: float, kind: str, alone: bool) -> list[dict[str, Any]]:
+    """The figures of one run, of each of its processes; an empty list on all but the first.
 
-
-def rounded(n: int) -> Mesh:
-    """The blocks with the upper one's skin rounded, as the clearance of the others has it."""
-    mesh = blocks(n, n - 3, n // 2, hexa=None)
-    x, first = mesh.points.copy(), (n + 1) ** 2 * (n // 2 + 1)
-    x[first:, 2] += 0.06 * (np.square(x[first:, :2] - 0.5).sum(axis=1)) * (1 - x[first:, 2])
-    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, node_groups=mesh.node_groups)
-
-
-def measured(unknowns: int, backend: str, kinematics: str = "small", ratio: float = 1.0) -> dict[str, Any]:
-    """The figures of one size."""
-    small = kinematics == "small"
-    _ = list(march(pressed(blocks(9, 6, 4) if small else rounded(9), backend, kinematics)))  # kernels are compiled
-    n, clock, solved = side(unknowns), Clock(), []
-    with clock("mesh and cut"):
-        mesh = blocks(n, n - 3, n // 2) if small else rounded(n)
-    with clock("problem"):
-        problem = pressed(mesh, backend, kinematics, ratio)
-    _ = assemble_stiffness(problem.space, problem.materials, problem.threads)  # the pattern, and memory's first touch
-    for _ in range(3):
-        with clock("assembly"):
-            assemble_stiffness(problem.space, problem.materials, problem.threads)
-    clock.mean("assembly", 3)
-    alone = elastic(problem, clock)
+    `parts`: the folder with the parts of the mesh, or empty for a mesh that is made here; `alone`: solve K first.
+    """
+    name = "multigrid" if backend == SERIAL else backend
+    moves = kind != "reference"
+    case = (
+        case_of(*kind.split(), name, Path(parts))
+        if moves
+        else pressed_case(name, ratio, Path(parts), threads=int(not alone))
+    )
+    for made in (pressed(blocks(9, 6, 4), "multigrid"), *([Problem.of(case, blocks(9, 6, 4))] if moves else [])):
+        _ = list(march(made))  # modules and kernels are loaded
     gc.collect()
-    with watched(clock, solved), clock("contact"):
+    before, n = peak(), side(unknowns)
+    if backend != SERIAL:
+        from lacsolver.distributed.launch import import_mpi
+        from lacsolver.distributed.processes import Processes
+
+        comm = import_mpi().COMM_WORLD
+        return list(comm.gather(figures(Problem.of(case, distribution=Processes(comm)), before)) or [])
+    mesh = read_part(parts, 0).mesh if parts else blocks(n, n - 3, n // 2)
+    return [figures(Problem.of(case, mesh), before, alone)]
+
+
+def figures(problem: Problem, before: int, alone: bool = False) -> dict[str, Any]:
+    """The figures of a contact solve on this process, whose memory was `before`."""
+    clock, solved, last, found = Clock(), [], deque(maxlen=1), {}
+    if alone:
+        again = lacsolver.bodies.small.assemble_stiffness
+        again(problem.space, problem.materials, problem.threads)  # the pattern, and memory's first touch
+        with clock("assembly"):
+            again(problem.space, problem.materials, problem.threads)
+        found["alone"] = elastic(problem, clock)
+        gc.collect()
+    with watched(clock, solved, last), clock("contact"):
         *_, state = march(problem)
-    return {
-        "unknowns": problem.constraints.n_q,
+    own = problem.constraints.own
+    apart = ("assembly", "pairing") if not alone else ()
+    for seconds in (clock.cpu, clock.wall):
+        seconds["solve"] = seconds["contact"] - sum(seconds.get(phase, 0.0) for phase in apart)
+    return found | {
+        "unknowns": problem.constraints.n_q if own is None else int(own.sum()),
         "macros": problem.joints[0].zone.n_macros,
         "closed": int((state.zones[0].status == 1).sum()),
-        "iterations": state.iterations,
-        "finite": kinematics == "finite",
         "cycles": sum(one.applications for one in solved),
+        "sets": state.iterations,
         "balance": state.residuals[-1],
-        "alone": alone,
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-        "wall": clock.wall,
         "cpu": clock.cpu,
+        "wall": clock.wall,
+        "memory": peak(),
+        "grown": peak() - before,
     }
 
 
 def elastic(problem: Problem, clock: Clock) -> int:
-    """One multigrid solve of K alone, under the clock; its iterations."""
+    """One solve of K alone, under the clock; its iterations."""
     model = ReducedProblem(problem)
     f = LoadStep(model, 1.0).f
-    with clock("set-up of K alone"):
-        held = model.reference()
-    with clock("solution of K alone"):
-        q = held.solve(f)
-    assert np.linalg.norm(held.apply(q) - f) <= 10 * TOLERANCE * np.linalg.norm(f)
-    return int(getattr(held.factor, "n_iterations", 1))
+    with clock("K alone"):
+        solver = model.reference()
+        q = solver.solve(f)
+    assert np.linalg.norm(solver.apply(q) - f) <= 10 * TOLERANCE * np.linalg.norm(f)
+    return int(getattr(solver.factor, "n_iterations", 1))
 
 
-def apart(unknowns: int, backend: str, kinematics: str, ratio: float) -> dict[str, Any]:
-    """The figures of one size, from a process of its own."""
-    command = [sys.executable, __file__, "--one", str(unknowns), "--backend", backend, "--ratio", str(ratio)]
-    command += ["--finite"] if kinematics == "finite" else []
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
-    if run.returncode:
-        raise SystemExit(f"{unknowns} unknowns: {run.stderr.strip().splitlines()[-1]}")
-    return dict(json.loads(run.stdout.splitlines()[-1]))
+def peak() -> int:
+    """Largest resident memory of this process, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def line(found: dict[str, Any]) -> str:
-    """A row of the table."""
-    wall, cpu = found["wall"], found["cpu"]
-
-    def spent(*phases: str) -> str:
-        return f"{sum(wall.get(p, 0.0) for p in phases):.2f} s ({sum(cpu.get(p, 0.0) for p in phases):.2f})"
-
-    count = found["iterations"] if found["finite"] else 1
-    ratio, own = (t["contact"] / count / (t["set-up of K alone"] + t["solution of K alone"]) for t in (wall, cpu))
-    return (
-        f"| {found['unknowns']:,}, {found['macros']:,} macro-elements, {found['closed']} closed | {spent('assembly')} "
-        f"| {spent('search and integration')} | {spent('set-up')} | {spent('coarse start')} "
-        f"| {spent('loops')}, {found['cycles']} V-cycles, {found['iterations']} iterations | {spent('contact')} "
-        f"| {spent('set-up of K alone', 'solution of K alone')}, {found['alone']} V-cycles | {ratio:.2f} ({own:.2f}) "
-        f"| {spent('problem', 'assembly', 'contact')} "
-        f"| {found['memory']:.2f} GB, {found['memory'] * 2**20 / found['unknowns']:.1f} kB an unknown |"
-    )
+# ---- runs, each in processes of its own
 
 
-def exponent(x: list[float], y: list[float]) -> float:
-    """The slope of a line through logarithms."""
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+def launched(n: int, python: str, *run: Any) -> list[dict[str, Any]]:
+    """The figures of all processes of a run; n is 0 for one process without MPI."""
+    arguments = ["-m", "benchmarks.large", "--one", json.dumps(run)]
+    command = words(n, *arguments, python=python) if n else [sys.executable, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment(), cwd=ROOT)
+    if done.returncode:
+        raise SystemExit(f"{run}, {n} processes: {done.stderr.strip()[-2000:]}")
+    return list(json.loads(done.stdout.splitlines()[-1]))
 
 
-def growth(found: list[dict[str, Any]]) -> str:
-    """Exponents with which the processor time of phases grows with the unknowns, and the growth of memory."""
-    n = [f["unknowns"] for f in found]
-    phases = {"assembly": ["assembly"], "set-up": ["set-up"], "loops": ["loops"], "contact": ["contact"]}
-    phases["multigrid solve of K alone"] = ["set-up of K alone", "solution of K alone"]
-    said = [
-        f"{name} {exponent(n, [sum(f['cpu'][p] for p in parts) for f in found]):.2f}" for name, parts in phases.items()
-    ]
-    more = (found[-1]["memory"] - found[0]["memory"]) * 2**20 / (n[-1] - n[0])
-    return f"Growth with the unknowns: {', '.join(said)}; memory {more:.1f} kB an unknown."
+def spent(found: list[dict[str, Any]], phase: str, clock: str = "cpu") -> float:
+    """Seconds of a phase, of the process that has most."""
+    return max(one[clock].get(phase, 0.0) for one in found)
 
 
-def surfaces(sizes: tuple[int, ...]) -> str:
-    """Exponents with which the time of search and integration grows with the faces, on large skins."""
-    faces, search, rest = [], [], []
-    for k in sizes:
-        zone, runs = cut(blocks(k, round(1.4 * k), 1, "HEXA8", "TETRA4")), []
-        for _ in range(3):
-            clock = Clock()
-            with watched(clock, []), clock("all"):
-                integrate(zone, 3)
-            runs.append((clock.cpu["search"], clock.cpu["all"] - clock.cpu["search"]))
-        faces.append(len(zone.slave))
-        search.append(median(run[0] for run in runs))
-        rest.append(median(run[1] for run in runs))
-    said = f"search {exponent(faces, search):.2f}, integration {exponent(faces, rest):.2f}"
-    return f"Growth with the faces, {faces[0]:,} to {faces[-1]:,}: {said}."
+def size(found: list[dict[str, Any]]) -> str:
+    total, one = sum(one["unknowns"] for one in found), found[0]
+    return f"{total:,}, {one['macros']:,} macro-elements, {one['closed']} closed"
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="small sizes")
-    parser.add_argument("--finite", action="store_true", help="finite kinematics: the ratio of a Newton iteration")
-    parser.add_argument("--sizes", nargs="+", type=int, help=f"unknowns (default: {' '.join(map(str, SIZES))})")
-    parser.add_argument("--backend", default="multigrid", help="linear solver (default: multigrid)")
-    parser.add_argument("--ratio", type=float, default=1.0, help="stiffness of the master's body (default: 1)")
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("-o", metavar="TABLE.md", help="write the table here too")
-    args = parser.parse_args()
-    kinematics = "finite" if args.finite else "small"
-    if args.one:
-        print(json.dumps(measured(args.one, args.backend, kinematics, args.ratio)))
+def model_row(one: dict[str, Any]) -> list[str]:
+    """The row of a model in one process."""
+    took = {phase: f"{one['cpu'].get(phase, 0.0):.2f} s ({one['wall'].get(phase, 0.0):.2f})" for phase in PHASES}
+    took["loops"] += f", {one['cycles']} V-cycles, {one['sets']} iterations"
+    took["K alone"] += f", {one['alone']} V-cycles"
+    ratios = [one[clock]["contact"] / one[clock]["K alone"] for clock in ("cpu", "wall")]
+    memory = f"{one['memory'] / 2**30:.2f} GB, {one['memory'] / 1024 / one['unknowns']:.1f} kB an unknown"
+    return [size([one]), *took.values(), "{:.2f} ({:.2f})".format(*ratios), memory]
+
+
+def model(sizes: list[int], ratio: float):
+    """The rows of a model in one process, and how its phases grow."""
+    rows = []
+    for unknowns in sizes:
+        rows += launched(0, "", "", unknowns, SERIAL, ratio, "reference", True)
+        yield model_row(rows[-1])
+    if len(rows) > 1:
+        n = [one["unknowns"] for one in rows]
+        grown = [
+            f"{exponent(n, [one['cpu'][phase] for one in rows]):.2f}"
+            for phase in ("set-up", "loops", "contact", "K alone")
+        ]
+        setup, loops, contact, alone = grown
+        more = (rows[-1]["memory"] - rows[0]["memory"]) / 1024 / (n[-1] - n[0])
+        yield "exponent of growth", "", "", setup, "", loops, contact, alone, "", f"{more:.1f} kB an unknown"
+
+
+def processes(sizes: list[int], asked: Any):
+    """The rows of a model in one and more processes, by backends."""
+    if not asked.python:
+        yield f"absent: {missing()}", *[""] * (len(PROCESS_HEADS) - 1)
         return
-    heads = ["unknowns", "assembly", "search and integration", "set-up", "coarse start", "loops", "contact", "K alone"]
-    heads += ["ratio", "with problem and assembly", "memory"]
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    print("\n".join(lines), flush=True)
-    found = []
-    for size in args.sizes or (QUICK if args.quick else SIZES):
-        found.append(apart(size, args.backend, kinematics, args.ratio))
-        lines.append(line(found[-1]))
-        print(lines[-1], flush=True)
-    lines += ["", *([growth(found)] if len(found) > 1 else []), surfaces((20, 40) if args.quick else (40, 80, 160))]
-    print("\n".join(lines[len(found) + 2 :]))
-    if args.o:
-        Path(args.o).write_text("\n".join(lines) + "\n")
+    for unknowns in sizes:
+        for kind in asked.kinds:
+            serial = single = []
+            for backend, n in [(SERIAL, 0), *((backend, n) for backend in asked.backends for n in asked.ranks)]:
+                count = unknowns * max(n, 1) if asked.weak else unknowns
+                with tempfile.TemporaryDirectory() as folder:
+                    cells = side(count)
+                    mesh = blocks(cells, cells - 3, cells // 2)
+                    write_parts(Path(folder) / "parts", mesh, distribute_nodes(mesh, max(n, 1)))
+                    run = (f"{folder}/parts", count, backend, asked.ratio, kind, False)
+                    found = min(
+                        (launched(n, asked.python, *run) for _ in range(asked.repeat)), key=lambda f: spent(f, "solve")
+                    )
+                serial = serial or found
+                single = found if n <= min(asked.ranks) else single
+                yield process_row(f"{size(found)}, {kind}, {backend}", n, found, single, serial)
 
 
-if __name__ == "__main__":
-    main()
+def process_row(name: str, n: int, found: list, single: list, serial: list) -> list[str]:
+    """A row; n is 0 for the serial solver."""
+    took, first = spent(found, "solve"), len(single) * spent(single, "solve")
+    row = [name, str(n or SERIAL), f"{found[0]['cycles']}", f"{found[0]['sets']}", f"{spent(found, 'set-up'):.2f} s"]
+    row += [f"{took:.2f} s ({spent(found, 'solve', 'wall'):.2f})", f"{first / n / took:.2f}" if n else ""]
+    row += [f"{took / spent(serial, 'solve'):.2f}"]
+    row += [f"{spent(found, phase):.2f} s" for phase in ("assembly", "pairing", "derivative")]
+    grown = max(found, key=lambda one: one["grown"])
+    row += [f"{max(one['memory'] for one in found) / 2**20:.0f} MB", f"{grown['grown'] / grown['unknowns']:,.0f} B"]
+    return row
+
+
+def tables(asked: Any):
+    if "partition" in asked.parts:
+        yield PARTITION_HEADS, partition(asked.quick)
+    if "model" in asked.parts:
+        yield (
+            MODEL_HEADS,
+            model(asked.sizes or ([10_000, 25_000] if asked.quick else [100_000, 1_000_000]), asked.ratio),
+        )
+    if "processes" in asked.parts:
+        yield PROCESS_HEADS, processes(asked.sizes or [10_000 if asked.quick else 118_000], asked)
+
+
+if __name__ == "__main__" and sys.argv[1:2] == ["--one"]:
+    if found := measured(*json.loads(sys.argv[2])):
+        print(json.dumps(found))
+elif __name__ == "__main__":
+    main(
+        __doc__,
+        tables,
+        parts={"nargs": "+", "choices": PARTS, "default": PARTS},
+        sizes={"nargs": "+", "type": int, "help": "unknowns"},
+        ratio={"type": float, "default": 1.0},
+        ranks={"nargs": "+", "type": int, "default": [1, 2]},
+        backends={"nargs": "+", "default": ["multigrid"]},
+        kinds={"nargs": "+", "default": ["reference"], "choices": KINDS},
+        weak={"action": "store_true"},
+        repeat={"type": int, "default": 1},
+        python={"default": python_with_petsc(), "help": "Python with PETSc"},
+    )

@@ -1,27 +1,33 @@
-"""Measure quality and validity on 1e6 cells, and what a report of a cut costs.
+"""Measure quality, validity and the check of meshes of 1e6 cells, and the report of a cut.
 
-    python benchmarks/quality.py [--quick] [-o TABLE.md]
+    python -m benchmarks.quality [--quick] [-o TABLE.md]
 
 Seconds are wall time and this process's own time, of all its threads together: on two free cores the first is down to
-half of the second, on a shared machine it is longer. Kernels are compiled, or loaded, by an untimed call before.
+half of the second, on a shared machine it is longer. The check is of a block of up to 1e6 HEXA8 or TETRA4 cells with
+about 1e4 slave faces, cut, and a master block of one layer above it. Every figure is of a second run: the first loads
+compiled kernels.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
-from meshes import box
 
-from lacmesh import cut_skin, raise_order
+from benchmarks.common import blocks, box, main, n_bytes, peak, seconds, solid
+from lacmesh import cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Mesh
+from lacmesh.checks import RULES, _arguments, check
+from lacmesh.checks.request import Request
+from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality import measure_quality
 from lacmesh.quality.geometry import validity_among
 from lacmesh.report import cut_report
+
+HEADS = ("what", "wall", "own", "own, 1e6 cells")
+CHECK_HEADS = ("check of cells", "type", "seconds", "memory over the mesh's", "slowest parts")
 
 
 def shaken(mesh):
@@ -29,93 +35,72 @@ def shaken(mesh):
     return replace(mesh, points=mesh.points + 0.1 * np.random.default_rng(0).normal(size=mesh.points.shape))
 
 
-def prisms(n):
-    """n x n x n boxes cut into two prisms each."""
-    hexa = box(n, n, n).block("HEXA8")
-    nodes = hexa[:, [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]]].reshape(-1, 6)
-    return Mesh.create(box(n, n, n).points, [("PENTA6", nodes)], cell_groups={"body": np.arange(len(nodes))})
-
-
-def pyramids(n):
-    """n x n x n boxes cut into six pyramids each, from their centres."""
-    mesh = box(n, n, n)
-    hexa = mesh.block("HEXA8")
-    centres = mesh.points[hexa].mean(axis=1)
-    faces = [(0, 3, 2, 1), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)]
-    apex = len(mesh.points) + np.arange(len(hexa))
-    nodes = np.concatenate([np.column_stack([hexa[:, face[::-1]], apex]) for face in faces])
-    points = np.vstack([mesh.points, centres])
-    return Mesh.create(points, [("PYRAM5", nodes)], cell_groups={"body": np.arange(len(nodes))})
-
-
 def meshes(quick):
-    """(type, mesh) of about 1e6 linear or 1e5 quadratic cells; then a quarter of a million each of four types."""
-    n = 20 if quick else 100
-    yield "HEXA8", box(n, n, n)
-    yield "TETRA4", box(n, n, n // 6 + 1, "TETRA4")
-    yield "PENTA6", prisms(int(n / 1.26))
-    yield "PYRAM5", pyramids(int(n / 1.82))
-    m = 10 if quick else 46
-    yield "HEXA20", raise_order(box(m, m, m), "2")
-    yield "TETRA10", raise_order(box(m, m, m // 6 + 1, "TETRA4"), "2")
-    k = 12 if quick else 63
-    hexa, tetra = box(k, k, k), box(k, k, k // 6 + 1, "TETRA4")
-    yield "mixture", together(hexa, tetra, raise_order(hexa, "2"), raise_order(tetra, "2"))
-
-
-def together(*parts):
-    """The solids of some meshes in one mesh."""
-    points, blocks = [], []
-    for part in parts:
-        start = sum(map(len, points))
-        points.append(part.points)
-        blocks += [(b.type, b.nodes + start) for b in part.blocks if CELLS[b.type].dim == 3]
-    count = sum(len(nodes) for _, nodes in blocks)
-    return Mesh.create(np.vstack(points), blocks, cell_groups={"body": np.arange(count)})
+    """(type, mesh) of about 1e6 linear or 1e5 quadratic cells."""
+    n, m = (20, 10) if quick else (100, 46)
+    yield "HEXA8", solid("HEXA8", n, n, n)
+    yield "TETRA4", solid("TETRA4", n, n, n // 6 + 1)
+    yield "PENTA6", solid("PENTA6", *[int(n / 1.26)] * 3)
+    yield "PYRAM5", solid("PYRAM5", *[int(n / 1.82)] * 3)
+    yield "HEXA20", solid("HEXA20", m, m, m)
+    yield "TETRA10", solid("TETRA10", m, m, m // 6 + 1)
 
 
 def timed(run, repeats):
     """The least wall time, and the least of the process's own, of several calls after one that is not counted."""
     run()
-    wall, own = [], []
+    took = []
     for _ in range(repeats):
         start = time.perf_counter(), time.process_time()
         run()
-        wall.append(time.perf_counter() - start[0])
-        own.append(time.process_time() - start[1])
-    return min(wall), min(own)
+        took.append((time.perf_counter() - start[0], time.process_time() - start[1]))
+    return np.min(took, axis=0)
 
 
-def rows(quick, repeats):
+def quality_rows(quick):
+    repeats = 1 if quick else 3
     for name, plain in meshes(quick):
-        mesh = shaken(plain)
+        mesh, count = shaken(plain), plain.n_cells
         solids = [b for b in mesh.blocks if CELLS[b.type].dim == 3]
-        count = sum(len(b.nodes) for b in solids)
         calls = {"validity": lambda m=mesh, s=solids: [validity_among(b.type, m.points, b.nodes) for b in s]}
         calls["lacmesh quality"] = lambda m=mesh: measure_quality(m, "body")
         for what, call in calls.items():
             wall, own = timed(call, repeats)
-            yield f"{what}, {count:,} {name}", wall, own, 1e6 / count
+            yield f"{what}, {count:,} {name}", f"{wall:.2f} s", f"{own:.2f} s", f"{own * 1e6 / count:.2f} s"
     n = 20 if quick else 100
     mesh = shaken(box(n, n, n))
     cut = cut_skin(mesh, "slave")
-    yield f"cut_report, {n * n:,} slave faces", *timed(lambda: cut_report(mesh, cut), repeats), None
+    wall, own = timed(lambda: cut_report(mesh, cut), repeats)
+    yield f"cut_report, {n * n:,} slave faces", f"{wall:.2f} s", f"{own:.2f} s", ""
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small meshes, once")
-    parser.add_argument("-o", "--output", type=Path, help="write the table here too")
-    args = parser.parse_args()
-    lines = ["| what | wall | own | own, 1e6 cells |", "|---|---:|---:|---:|"]
-    print("\n".join(lines))
-    for what, wall, own, million in rows(args.quick, 1 if args.quick else 3):
-        scaled = f"{own * million:.2f} s" if million else ""
-        lines.append(f"| {what} | {wall:.2f} s | {own:.2f} s | {scaled} |")
-        print(lines[-1], flush=True)
-    if args.output:
-        args.output.write_text("\n".join(lines) + "\n", encoding="utf-8")
+def checked(mesh):
+    """(seconds, peak memory over the mesh's own, seconds of each rule; the first that needs a figure computes it)."""
+    options = {"search_distance": None, "max_penetration": None, "axisymmetric": False}
+    options |= {"surface": "smooth", "crease_angle": 40.0, "recognise": True}
+    origin = origin_of_mesh(mesh)
+    request = Request.of(from_origin(mesh, origin), origin, ("slave",), ("master",), **options)
+    parts = {}
+    for scope, function in (part for rule in RULES.values() for part in rule.functions):
+        work = lambda f=function, s=scope: [[*f(request, *skin)] for _, *skin in _arguments(s, request)]  # noqa: E731
+        parts[function.__name__] = seconds(work)
+    found = []
+    whole = partial(check, mesh, "slave", "master", recognise=True)
+    took = seconds(lambda: found.append(whole()))
+    assert not found[0].errors, [finding.message for finding in found[0].errors]
+    return took, peak(whole)[0] / n_bytes(mesh), parts
+
+
+def check_rows(quick):
+    check(blocks(3, 4, 3, top=1), "slave", "master", recognise=True)
+    k = 10 if quick else 1
+    for cell, n, layers in (("HEXA8", 100, (20, 50, 100)), ("TETRA4", 71, (10, 33))):
+        for high in layers:
+            mesh = blocks(n, n + 1, max(high // k, 1), cell, top=1)
+            took, memory, parts = checked(mesh)
+            slow = ", ".join(f"{name} {parts[name]:.2f}" for name in sorted(parts, key=parts.get, reverse=True)[:4])
+            yield f"{mesh.n_cells:,}", cell, f"{took:.2f}", f"{memory:.2f}", slow
 
 
 if __name__ == "__main__":
-    main()
+    main(__doc__, lambda asked: [(HEADS, quality_rows(asked.quick)), (CHECK_HEADS, check_rows(asked.quick))])

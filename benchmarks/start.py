@@ -1,6 +1,6 @@
 """Measure how long small work takes: commands on data/two_blocks, against importing what they build on, in one run.
 
-    python benchmarks/start.py [--repeats N] [-o TABLE.md]
+    python -m benchmarks.start [--repeats N] [-o TABLE.md]
 
 Warm: all that is compiled is kept; `check`, `quality`, `view` and `lacsolver run` against the imports of numpy,
 scipy.sparse.linalg and numba (asked: at most 1.5 times as long); `info`, `convert` and `cut`, which import no numba.
@@ -11,7 +11,6 @@ clock, for a machine that nobody else uses; Python keeps its bytecode, as instal
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
@@ -21,57 +20,42 @@ import time
 from pathlib import Path
 
 import numpy as np
-from meshes import blocks
 
+from benchmarks.common import blocks, main
 from lacmesh import write
 
-DATA = Path(__file__).parent.parent / "data"
-IMPORTS = "import numpy, scipy.sparse.linalg, numba"
-MESH = str(DATA / "two_blocks.msh")
-#: cases whose skins move: kinematics, law of the material, and what the contact has beside its groups
+DATA = Path(__file__).parents[1] / "data"
+#: cases whose skins move: kinematics, law of the material, and keys of the contact
 MOVING = {
     "finite strains": ("finite", "neo_hookean", ""),
-    "finite strains with friction": ("finite", "neo_hookean", "friction = 0.3"),
-    "smoothed normals, small strains": ("small", "elastic", 'geometry = "current"\nnormals = "smoothed"'),
+    "finite strains with friction": ("finite", "neo_hookean", ", friction = 0.3"),
+    "smoothed normals, small strains": ("small", "elastic", ', geometry = "current", normals = "smoothed"'),
 }
 CASE = """mesh = "blocks.msh"
 model = "3d"
 kinematics = "{}"
-[[material]]
-law = "{}"
-young = 1000.0
-poisson = 0.3
-[[contact]]
-slave = "slave"
-master = "master"
-clearance = "0.1*((x-0.5)**2+(y-0.5)**2)"
-{}
-[[displacement]]
-group = "bottom"
-ux = 0.0
-uy = 0.0
-uz = 0.0
-[[displacement]]
-group = "top"
-ux = 0.01
-uy = 0.0
-uz = -0.05
+material = [{{ law = "{}", young = 1000.0, poisson = 0.3 }}]
+contact = [{{ slave = "slave", master = "master", clearance = "0.1*((x-0.5)**2+(y-0.5)**2)"{} }}]
+displacement = [
+  {{ group = "bottom", ux = 0.0, uy = 0.0, uz = 0.0 }},
+  {{ group = "top", ux = 0.01, uy = 0.0, uz = -0.05 }},
+]
 """
+LACMESH, LACSOLVER = ([sys.executable, "-m", name] for name in ("lacmesh", "lacsolver"))
 
 
 def commands(folder):
     """The commands, by their names."""
-    lacmesh, out = [sys.executable, "-m", "lacmesh"], str(folder / "out")
-    lacsolver = [sys.executable, "-m", "lacsolver"]
+    mesh, out = str(DATA / "two_blocks.msh"), str(folder / "out")
     return {
-        "imports": [sys.executable, "-c", IMPORTS],
-        "check": [*lacmesh, "check", MESH, "--slave", "slave", "--master", "master"],
-        "quality": [*lacmesh, "quality", MESH],
-        "view": [*lacmesh, "view", MESH, "-o", out + ".html", "--force"],
-        "run": [*lacsolver, "run", str(DATA / "two_blocks.toml"), "-o", out, "--force"],
-        "info": [*lacmesh, "info", MESH],
-        "convert": [*lacmesh, "convert", MESH, out + ".vtu", "--force"],
-        "cut": [*lacmesh, "cut", MESH, "--slave", "slave", "-o", out + ".msh", "--force"],
+        "imports": [sys.executable, "-c", "import numpy, scipy.sparse.linalg, numba"],
+        "check": [*LACMESH, "check", mesh, "--slave", "slave", "--master", "master"],
+        "quality": [*LACMESH, "quality", mesh],
+        "view": [*LACMESH, "view", mesh, "-o", out + ".html", "--force"],
+        "run": [*LACSOLVER, "run", str(DATA / "two_blocks.toml"), "-o", out, "--force"],
+        "info": [*LACMESH, "info", mesh],
+        "convert": [*LACMESH, "convert", mesh, out + ".vtu", "--force"],
+        "cut": [*LACMESH, "cut", mesh, "--slave", "slave", "-o", out + ".msh", "--force"],
     }
 
 
@@ -79,9 +63,8 @@ def moving(folder):
     """Commands that run the cases whose skins move, by their names."""
     write(folder / "blocks.msh", blocks(4, 3, 2))
     for name, values in MOVING.items():
-        path = folder / f"{name}.toml"
-        path.write_text(CASE.format(*values))
-        yield name, [sys.executable, "-m", "lacsolver", "run", str(path), "-o", str(folder / "out"), "--force"]
+        (folder / f"{name}.toml").write_text(CASE.format(*values))
+        yield name, [*LACSOLVER, "run", str(folder / f"{name}.toml"), "-o", str(folder / "out"), "--force"]
 
 
 def seconds(command, kept):
@@ -95,39 +78,26 @@ def seconds(command, kept):
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, clock
 
 
-def rows(folder, repeats):
-    every = commands(folder)
-    for name in ("check", "quality", "view", "run"):
-        empty = Path(tempfile.mkdtemp(dir=folder))
-        yield f"{name}, nothing compiled before", f"{seconds(every[name], empty)[0]:.2f} s", "asked: 4 s"
-    for name, command in moving(folder):
-        empty = Path(tempfile.mkdtemp(dir=folder))
-        yield f"run, {name}, nothing compiled before", f"{seconds(command, empty)[0]:.2f} s", "asked: 6 s"
-    kept = folder / "kept"
-    seconds([sys.executable, "-m", "lacmesh", "compile"], kept)
-    measured = {name: [] for name in every}
-    for _ in range(repeats):  # in turn, so that a slow moment falls on all
-        for name, command in every.items():
-            measured[name].append(seconds(command, kept))
-    for name, values in measured.items():
-        of_both = [np.array(pair) / base for pair, base in zip(values, measured["imports"], strict=True)]
-        (processor, clock), (ratio, by_clock) = np.median(values, axis=0), np.median(of_both, axis=0)
-        yield name, f"{processor:.2f} s, {clock:.2f} s", f"this / imports: {ratio:.2f}, {by_clock:.2f}"
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("-o", "--output", type=Path, help="write the table here as well")
-    args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        made = list(rows(Path(folder), args.repeats))
-    head = "| what | processor time, by the clock | against |\n|---|---|---|\n"
-    text = head + "".join(f"| {' | '.join(row)} |\n" for row in made)
-    print(text)
-    if args.output:
-        args.output.write_text(text)
+def rows(repeats):
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        every = commands(folder)
+        first = {name: (every[name], 4) for name in ("check", "quality", "view", "run")}
+        first |= {f"run, {name}": (command, 6) for name, command in moving(folder)}
+        for name, (command, most) in first.items():
+            took, _ = seconds(command, Path(tempfile.mkdtemp(dir=folder)))
+            yield f"{name}, nothing compiled before", f"{took:.2f} s", f"asked: {most} s"
+        seconds([*LACMESH, "compile"], folder / "kept")
+        measured = {name: [] for name in every}
+        for _ in range(repeats):  # in turn, so that a slow moment falls on all
+            for name, command in every.items():
+                measured[name].append(seconds(command, folder / "kept"))
+        for name, values in measured.items():
+            of_both = [np.array(pair) / base for pair, base in zip(values, measured["imports"], strict=True)]
+            (processor, clock), (ratio, by_clock) = np.median(values, axis=0), np.median(of_both, axis=0)
+            yield name, f"{processor:.2f} s, {clock:.2f} s", f"this / imports: {ratio:.2f}, {by_clock:.2f}"
 
 
 if __name__ == "__main__":
-    main()
+    heads = ("what", "processor time, by the clock", "against")
+    main(__doc__, lambda asked: [(heads, rows(asked.repeats))], repeats={"type": int, "default": 7})

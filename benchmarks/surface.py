@@ -1,33 +1,22 @@
 """Measure coverage and gap between two skins: seconds, growth, and a reference timed in the same run.
 
-    python benchmarks/surface.py [--quick]
+    python -m benchmarks.surface [--quick]
 
-Two flat skins of about 1e5 faces each, non-matching: triangles, quadrangles, and quadrangles whose inner nodes are
+Two flat skins of up to 4e5 faces each, non-matching: triangles, quadrangles, and quadrangles whose inner nodes are
 moved at random (their weights are fitted). `Surface.of` both, `contact_points` and `coverage` count. The reference is
-scipy's cKDTree: the eight nearest master centres of each slave centre, which a search alone would need. The first call
-of a fresh process is timed apart, without and with numba's cache.
+scipy's cKDTree: the eight nearest master centres of each slave centre, which a search alone would need.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
-import subprocess
-import sys
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from benchmarks.common import HEADS, growth, main
 from lacmesh import Mesh
 from lacmesh.surface import Surface, contact_points, coverage
-
-FIRST = (
-    "import sys, time; sys.path.insert(0, sys.argv[1]); start = time.perf_counter(); import surface; "
-    "surface.measured('QUAD4', 10, 0.2); print(time.perf_counter() - start)"
-)
 
 
 def sheet(n: int, z: float, kind: str, skew: float, down: bool, seed: int) -> Mesh:
@@ -63,38 +52,20 @@ def measured(kind: str, faces: int, skew: float) -> tuple[int, int, list[float],
     return len(slave), len(points), list(np.diff(clock)), time.perf_counter() - start
 
 
-def first_calls() -> tuple[float, float]:
-    """Seconds of the first small problem in a fresh process: compiling everything, and from the cache."""
-    with tempfile.TemporaryDirectory() as folder:
-        env = {**os.environ, "NUMBA_CACHE_DIR": folder}
-        command = [sys.executable, "-c", FIRST, str(Path(__file__).parent)]
-        runs = [subprocess.run(command, check=True, capture_output=True, text=True, env=env) for _ in range(2)]
-    return float(runs[0].stdout), float(runs[1].stdout)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the size")
-    args = parser.parse_args()
-    compiled, cached = first_calls()
-    print(f"first call in a process: {compiled:.1f} s compiling, {cached:.1f} s from the cache\n")
+def rows(quick):
     for kind, skew in (("TRIA3", 0.2), ("QUAD4", 0.0), ("QUAD4", 0.2)):
         measured(kind, 100, skew)
-    print("| faces | type | points | Surface.of | contact_points | coverage | total | against cKDTree's query |")
-    print("|---:|---|---:|---:|---:|---:|---:|---:|")
-    k = 10 if args.quick else 1
-    for kind, skew in (("TRIA3", 0.2), ("QUAD4", 0.0), ("QUAD4", 0.2)):
-        sizes, totals = [], []
-        for faces in (10_000 // k, 100_000 // k, 400_000 // k):
-            rows = [measured(kind, faces, skew) for _ in range(3 if faces <= 100_000 else 1)]
-            n, points, seconds, reference = min(rows, key=lambda row: sum(row[2]))
+        sizes, totals, name = [], [], f"{kind}, skew {skew}"
+        for faces in (1_000, 10_000, 40_000) if quick else (10_000, 100_000, 400_000):
+            found = [measured(kind, faces, skew) for _ in range(3 if faces <= 100_000 else 1)]
+            n, points, taken, reference = min(found, key=lambda row: sum(row[2]))
             sizes.append(n)
-            totals.append(sum(seconds))
-            parts = " | ".join(f"{s:.2f}" for s in seconds)
-            print(f"| {n:,} | {kind}, skew {skew} | {points:,} | {parts} | {totals[-1]:.2f} "
-                  f"| {totals[-1] / reference:.1f} |", flush=True)  # fmt: skip
-        print(f"\ngrowth: exponent {np.polyfit(np.log(sizes), np.log(totals), 1)[0]:.2f}\n")
+            totals.append(sum(taken))
+            parts = "Surface.of {:.2f}, contact_points {:.2f}, coverage {:.2f}".format(*taken)
+            against = f"{totals[-1] / reference:.1f} of cKDTree's query"
+            yield f"{n:,} faces, {name}, {points:,} points", f"{totals[-1]:.2f} s: {parts}", against
+        yield growth(name, sizes, totals)
 
 
 if __name__ == "__main__":
-    main()
+    main(__doc__, lambda asked: [(HEADS, rows(asked.quick))])

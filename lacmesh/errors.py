@@ -114,6 +114,15 @@ def check_installed(package: str, extra: str, what: str = "this") -> None:
         raise RequestError(f"{what} needs {package}; pip install 'lacmesh[{extra}]' brings it")
 
 
+def on_page(name: str) -> str:
+    """The command that opens a page of the documentation, for messages; the pages come with the packages.
+
+    >>> on_page("solver")
+    '`lacsolver docs solver`'
+    """
+    return f"`lacsolver docs {name}`"
+
+
 def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:
     """Return the end of a sentence: near matches of `name`, or the first few known names.
 

@@ -328,10 +328,8 @@ def _doubtful_dissipation(results: Results) -> Iterator[str]:
     felt = last.work.dissipation > _FELT * max(abs(last.work.external), last.work.strain)
     if felt and abs(left) > _LEFT * taken:
         by = "friction and plastic flow" if flow else "friction"
-        message = (
-            f"steps are too long for the energy that {by} takes: of {taken:.4g} by time {last.time:.6g}, the balance "
-        )
-        yield f"{message}of work leaves over {left:.4g} ({abs(left) / taken:.0%}); take more steps"
+        message = f"steps are too long for the energy that {by} takes: it is {taken:.4g} at time {last.time:.6g}, and "
+        yield f"{message}the balance of work misses {left:.4g} ({abs(left) / taken:.0%}); use more steps"
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

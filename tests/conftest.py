@@ -20,7 +20,7 @@ from tests.samples import FUZZ
 
 # no test is there after a failure of the machine, and to wait until files are on the disk takes a twentieth of the time
 os.fsync = lambda _: None
-# no example is too slow by the clock; but for `make fuzz`, which seeks new ones, the same examples in every run
+# no example is too slow by the clock; but for `make verify FUZZ=1`, the same examples in every run
 settings.register_profile("any machine", deadline=None, derandomize=not FUZZ)
 settings.load_profile("any machine")
 

@@ -1,7 +1,7 @@
 """Share of the cases of a test in `make test`: a few random tries of many, and a few of a product's options.
 
-`samples` is a number of random tries; `make fuzz`, which sets LACMESH_FUZZ, makes them all. `each_option` thins a list
-of cases; `make verify`, which runs what is marked slow, tries the others.
+`samples` is a number of random tries; `make verify FUZZ=1`, which sets LACMESH_FUZZ, makes them all. `each_option`
+thins a list of cases; `make verify`, which runs what is marked slow, tries the others.
 """
 
 import os
@@ -13,7 +13,7 @@ FUZZ = os.environ.get("LACMESH_FUZZ") == "1"
 
 
 def samples(few, many):
-    """Choose between two numbers of tries; a test that calls this is marked `fuzz`, by which `make fuzz` finds it."""
+    """Choose between two numbers of tries; a test that calls this is marked `fuzz`: `make verify FUZZ=1` runs it."""
     return many if FUZZ else few
 
 

@@ -1,5 +1,6 @@
 """What all commands of both programs share: their start, help, streams, signals, terminals, and odd names."""
 
+import ast
 import json
 import os
 import pty
@@ -8,9 +9,12 @@ import signal
 import subprocess
 import sys
 import warnings
+import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
+from urllib.parse import unquote, urlparse
 
 import numpy as np
 import pytest
@@ -19,7 +23,9 @@ import lacmesh
 import lacsolver
 from lacmesh import Cut, cli
 from lacmesh.errors import LacmeshWarning
+from lacmesh.pages import pages
 from lacsolver import cli as solver_cli
+from tests import REPOSITORY
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.meshes import cell_with_faces
 from tests.test_packages import PROJECT
@@ -86,6 +92,46 @@ def test_a_help_has_two_examples_and_the_statuses(words, capsys):
     examples = re.findall(r"^  \$ (.*)$", text, re.MULTILINE)
     assert len(examples) == 2 and all(words in example for example in examples) and "Exit status: 0 done" in text
     assert ("\nContact search:\n  --dirichlet" in text) == (words in ("lacmesh cut", "lacmesh check"))
+
+
+# ---- pages
+
+
+def test_docs_opens_a_page_with_its_tables_whose_links_lead_to_files(monkeypatch, capsys):
+    opened = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(webbrowser, "open", lambda address: opened.append(address) or True)
+    assert called("lacmesh docs") == called("lacsolver docs case") == 0
+    overview, case = (Path(line) for line in capsys.readouterr().out.splitlines())
+    assert opened == [overview.as_uri(), case.as_uri()] and overview.name == "README.html"
+    assert "<code>max_penetration</code>" in case.read_text() and "<!-- table" not in case.read_text()
+    for page in case.parent.rglob("*.html"):
+        for link in re.findall(r'(?:href|src)="([^"#]+)[^"]*"', page.read_text()):
+            target = Path(unquote(urlparse(link).path)) if link.startswith("file:") else page.parent / link
+            assert re.match(r"https?:", link) or target.exists(), (page.name, link)
+
+
+def test_docs_names_the_text_of_a_page_where_there_is_no_browser(monkeypatch, capsys):
+    monkeypatch.setattr(webbrowser, "open", lambda address: False)
+    assert called("lacsolver docs solver --path") == called("lacsolver docs solver") == 0
+    text, page = capsys.readouterr().out.splitlines()
+    assert Path(text) == REPOSITORY / "docs" / "solver.md"
+    assert page.endswith(f".html; there is no browser here: the same as text is {text}")
+    assert called("lacsolver docs solvr") == 2 and "did you mean solver" in capsys.readouterr().err
+
+
+def test_messages_name_pages_that_the_wheel_has():
+    """By `on_page`: no text of a program but docstrings has the place of a page in the checkout."""
+    known = pages()
+    for path in (p for name in ("lacmesh", "lacsolver") for p in sorted((REPOSITORY / name).rglob("*.py"))):
+        text = path.read_text(encoding="utf-8")
+        assert {*re.findall(r"on_page\([\"'](\w+)", text)} <= {*known}, path
+        if "docs/" not in text:
+            continue
+        tree = ast.parse(text)
+        notes = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}  # docstrings
+        words = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in notes]
+        assert not [word for word in words if isinstance(word, str) and re.search(r"docs/\w+\.md", word)], path
 
 
 def test_public_names_are_what_they_say_whatever_was_imported_before():

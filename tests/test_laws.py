@@ -35,7 +35,7 @@ from tests.worlds import CannotTurnError, World, assert_same, case_in, permuted,
 pytestmark = [
     pytest.mark.filterwarnings(f"ignore:{words}:lacmesh.errors.LacmeshWarning")
     for words in (
-        ".* small kinematics takes displacements for small",
+        ".* small kinematics assumes small displacements",
         "tie .* across a gap of up to",
         "steps are too long for the energy that friction takes",
         "massless nodes change the inertia",

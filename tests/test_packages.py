@@ -158,6 +158,8 @@ def test_the_commands_run_with_the_base_only(user):
     typed(*user, "lacmesh cut data/two_blocks.msh --slave slave -o cut.msh")
     typed(*user, "lacmesh check cut.msh --slave slave --master master")
     assert "36 of 36" in typed(*user, "lacsolver run data/two_blocks.toml -o results")
+    page = Path(typed(*user, "lacsolver docs solver --path").strip())
+    assert page.is_relative_to(folder) and page.read_text().startswith("# ")
     assert (folder / "results" / "solid.pvd").is_file() and "two_blocks" in typed(*user, "lacsolver example")
     done = subprocess.run("lacsolver run data/two_blocks.toml -o r --plot p.png", shell=True, cwd=folder, env=user[1],
                           capture_output=True, text=True)  # fmt: skip
@@ -165,13 +167,14 @@ def test_the_commands_run_with_the_base_only(user):
 
 
 @pytest.mark.slow
-def test_the_verification_and_benchmarks_run(user):
+def test_the_verification_and_benchmarks_run(user, built):
     """A case of the quick suite is met; benchmarks give tables in small sizes, but `start`, which has one."""
     words = "--suite quick --case patch/2d-TRIA3 -j 1 -o report"
-    assert "met 5 of 5" in typed(*user, f"python -m verification run {words}")
+    env = environment(user[0] / "with_extra", built[0], ["verification"])
+    assert "met 5 of 5" in typed(user[0], env, f"python -m verification run {words}")
     assert (user[0] / "report" / "report.html").is_file()
-    for name in re.search(r"for name in start ([\w ]+); do OPENBLAS", MAKEFILE)[1].split():
-        done = typed(REPOSITORY, {**os.environ}, f"{sys.executable} benchmarks/{name}.py --quick")
+    for name in re.search(r"for name in start ([\w. ]+); do OPENBLAS", MAKEFILE)[1].split():
+        done = typed(REPOSITORY, {**os.environ}, f"{sys.executable} -m benchmarks.{name} --quick")
         assert done.count("|") > 8, done
 
 
@@ -183,6 +186,7 @@ def test_the_wheel_has_the_files_of_the_checkout(built):
     ours = {}
     for place, source in {
         "lacmesh/data": "data",
+        "lacmesh/docs": "docs",
         **{name: name for name in ("lacmesh", "lacsolver", "verification")},
     }.items():
         for path in (REPOSITORY / source).rglob("*"):
@@ -208,20 +212,26 @@ def test_recipe_and_table_of_dependencies_agree_with_the_project():
     assert head == ("package", "used for", "replacement")
     needs = {bare(need) for need in chain(PROJECT["dependencies"], *EXTRAS.values())} - {"lacmesh"}
     assert {name for row in rows for name in row[0].split(", ")} == needs
+    cited = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == lacmesh.__version__ and cited["license"] == PROJECT["license"]
+    named = [PROJECT["readme"], *PROJECT["license-files"], *re.findall(r"[\w/]+\.md", cited["abstract"])]
+    assert len(named) == 6 and all((REPOSITORY / name).is_file() for name in named)
     assert f"## {lacmesh.__version__}" in (REPOSITORY / "CHANGELOG.md").read_text()
 
 
 def test_targets_are_listed_and_quick_runs_tests_of_every_folder():
     """Of each folder of tests but those that hold nothing but long ones."""
     helped = re.findall(r"^(\w+):.* ## ", MAKEFILE, re.MULTILINE)
-    table = re.findall(r"^\| `make (\w+)` \|", (REPOSITORY / "CONTRIBUTING.md").read_text(), re.MULTILINE)
-    assert sorted([*table, "help", "install"]) == sorted(helped)
-    assert sorted(re.search(r"^\.PHONY: (.+)$", MAKEFILE, re.MULTILINE)[1].split()) == sorted(helped)
-    overview = (REPOSITORY / "docs" / "README.md").read_text(encoding="utf-8")
-    assert {*re.findall(r"^make (\w+)", README + overview, re.MULTILINE)} <= {*helped}
+    assert helped == ["demo", "test", "verify", "bench", "docs", "lint", "wheel", "clean"]
+    contributing = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| `make (\w+)` \|", contributing, re.MULTILINE)) == sorted(helped)
+    assert re.search(r"^\.PHONY: help (.+)$", MAKEFILE, re.MULTILINE)[1].split() == helped
+    pages = "".join(path.read_text(encoding="utf-8") for path in (REPOSITORY / "docs").glob("*.md"))
+    typed_so = re.findall(r"^make (\w+)", README, re.MULTILINE) + re.findall(r"`make (\w+)", contributing + pages)
+    assert {*typed_so} <= {*helped}
     # as typed by hand: under `make test` the names of folders would be printed beside the command
     env = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
-    words = ["make", "--dry-run", "quick"]
+    words = ["make", "--dry-run", "test", "QUICK=1"]
     made = subprocess.run(words, cwd=REPOSITORY, env=env, capture_output=True, text=True, check=True)
     quick = [Path(word) for word in made.stdout.splitlines()[-1].split() if word.startswith("tests/")]
     assert quick and all((REPOSITORY / path).is_file() for path in quick)

@@ -19,6 +19,7 @@ import pytest
 import lacsolver
 from lacmesh import cut_skin, errors, raise_order, read
 from lacmesh.cells import CELLS
+from lacmesh.checks import RULES
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
@@ -96,6 +97,7 @@ def of_page(name, *marks):
     [
         of_page("README.md", "slow", "vtk", "gmsh"),
         of_page("solver.md", "slow", "vtk"),
+        of_page("check.md"),
         of_page("quality.md"),
         of_page("partition.md"),
     ],
@@ -116,7 +118,7 @@ def test_commands_print_what_their_page_shows(tutorials, name, fresh):
 
 
 #: pages whose examples read what their commands, or a run, write first
-AFTER_COMMANDS = {"solver.md", "output.md", "partition.md", "quality.md"}
+AFTER_COMMANDS = {"solver.md", "output.md", "partition.md", "check.md", "quality.md"}
 
 
 @pytest.mark.parametrize("name", [p.name for p in PAGES if p.parent == DOCS and p.name not in AFTER_COMMANDS])
@@ -195,17 +197,22 @@ def test_every_page_is_in_the_index_and_every_folder_and_no_other_path_in_the_ar
 @pytest.mark.parametrize("name", ["hexa8_quad4_ring.svg", "patterns.svg"])
 def test_tables_and_figures_are_current_and_figures_drawn_again_are_the_same(name, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(DOCS))
-    make_figures = importlib.import_module("make_figures")
-    assert make_figures.stale_pages() == make_figures.stale_figures() == [], "run: python docs/make_figures.py"
-    text = text_of("cut.md")
-    wrong = text.replace("| 28 | 9 |", "| 27 | 9 |")
-    assert wrong != text and make_figures.with_tables("cut.md", wrong) == text
+    make, figures, tables = (importlib.import_module(name) for name in ("make", "figures", "tables"))
+    assert make.stale() == [], "run: python docs/make.py figures"
+    page = "<!-- integrals: begin -->\n| wrong |\n<!-- integrals: end -->\n\n<!-- table: counts -->\n"
+    kept, built = (tables.with_tables("cut.md", page, built=built) for built in (False, True))
+    assert "| QUAD8 | \u22121/12 | 1/3 |  | none |" in kept and "wrong" not in kept and "<!-- table: counts -->" in kept
+    assert "| 28 | 9 |" in built and "<!-- table: counts -->" not in built
+    pages = {name: tables.with_tables(name, text_of(name), built=True) for name in tables.TABLES}
+    assert not [name for name, text in pages.items() if "<!-- table: " in text]
+    rows = [f"| `{name}` | {rule.severity} | {rule.means} | {rule.advice} |" for name, rule in RULES.items()]
+    assert all(row in pages["check.md"] for row in rows)
     patterns = 1  # the overview, then one for each type of face of each cell, and a ring where there is one
     for kind, cell in CELLS.items():
         faces = {f.type for f in cell.facets} if cell.dim > 1 else set()
         patterns += len(faces) + (kind in RING_PARENTS) * len(faces - set(WHOLE_FACES))
     assert len(list((DOCS / "figures").glob("*.svg"))) == patterns
-    make_figures.write_figure(name, tmp_path / name)
+    figures.write_figure(name, tmp_path / name)
     mine, theirs = (
         [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?", path.read_text(encoding="utf-8").split("<defs>", 1)[1])]
         for path in (tmp_path / name, DOCS / "figures" / name)
@@ -307,7 +314,7 @@ def test_a_bridge_solves_as_lacsolver_does_and_prints_what_the_page_shows(name, 
     np.testing.assert_allclose(theirs.pressure, pressure, rtol=0, atol=1e-9 * pressure.max())
     if order == 1:
         pattern = rf"^\$ python (\S*bridge_{name}\.py \S+)\n(.*)$"
-        ((command, shown),) = re.findall(pattern, text_of("bridges.md"), re.MULTILINE)
+        ((command, shown),) = re.findall(pattern, text_of("python.md"), re.MULTILINE)
         words = [sys.executable, *command.split()]
         printed = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
         assert printed.strip().splitlines()[-1] == shown
@@ -316,7 +323,7 @@ def test_a_bridge_solves_as_lacsolver_does_and_prints_what_the_page_shows(name, 
 @pytest.mark.compiler
 def test_a_program_in_cpp_reads_the_files(tutorials, fresh):
     """Compile the program of the page: its sums are those of the arrays."""
-    page = DOCS / "bridges.md"
+    page = DOCS / "python.md"
     (Path("read.cpp")).write_text("".join(tutorials.blocks(page, "cpp")))
     export, write = re.findall(r"^\$ (.*)$", tutorials.blocks(page, "console")[1], re.MULTILINE)[:2]
     assert lacsolver_main(export.split()[1:]) == 0

@@ -225,7 +225,7 @@ def test_one_of_two_zones(name, zone):
 
 def test_a_cut_with_records_is_cut_again_on_request():
     cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
-    with pytest.warns(LacmeshWarning, match=r"records \(zones slave\) are replaced"):
+    with pytest.warns(LacmeshWarning, match=r"records \(of slave\) are replaced"):
         again = cut_skin(cut.mesh, "slave", hexa="hexa", recognise=False)
     assert again.n_macros == 20
     same(again, cut_skin(without_records(cut.mesh), "slave", hexa="hexa", recognise=False))

@@ -270,15 +270,15 @@ def test_requests_that_cannot_be_met():
     taken = replace(mesh, cell_groups={**mesh.cell_groups, "G_b": mesh.cell_groups["top"]})
     for asked, names, error, words in (
         (mesh, "g", GroupNotFoundError, None),
-        (mesh, "top", DataError, "on the surface already"),
+        (mesh, "top", DataError, "on the surface of the body"),
         (mesh, "body", DataError, "holds no skin"),
         (mesh, "none", DataError, "is empty"),
         (mesh, "line", DataError, "has lines"),
-        (mesh, "air", DataError, "no facets of cells"),
+        (mesh, "air", DataError, "not facets of any cell"),
         (taken, "G", RequestError, "'G_b' already"),
         (mesh, ["G", "G"], RequestError, "given twice"),
         (mesh, [], RequestError, "no group"),
-        (cut_skin(mesh, "top").mesh, "G", CutError, "before it is cut"),
+        (cut_skin(mesh, "top").mesh, "G", CutError, "split first"),
         (skins_of("QUAD4", G=plane_of(1, 0.5, 0.24, 0.51)), "G", DataError, "'G' can open"),
     ):
         with pytest.raises(error, match=words):

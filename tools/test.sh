@@ -5,7 +5,7 @@
 # PETSc takes another user or system, these tests are skipped, and this is said.
 set -euo pipefail
 
-petsc=petsc
+petsc=.venv-petsc
 bash tools/system.sh petsc || { [ $? = 1 ] || exit 2; petsc=; }
 make --no-print-directory -j 2 .venv/.packages $petsc
 
@@ -26,7 +26,7 @@ collect() { # Python compiles the tests here, once; otherwise each process that 
   .venv/bin/pytest --collect-only -qq >.venv/tests.txt || { cat .venv/tests.txt && return 1; }
 }
 status=0
-make --no-print-directory install && collect && env LACMESH_ALL=1 "$@" || status=$?
+make --no-print-directory .venv && collect && env LACMESH_ALL=1 "$@" || status=$?
 
 wait $! || status=$?
 echo "the linters, and the tests of several processes, which ran meanwhile:"

@@ -96,8 +96,8 @@ def solve_divided(
     (folder / _JOBS).write_text(json.dumps({"names": list(problems), "backend": backend}), encoding="utf-8")
     done = mpiexec.run(n, ["-m", "verification.divided", folder], _PATIENCE)
     if done.returncode:
-        said = [line for line in done.stderr.splitlines() if line.startswith("rank ")] or ["no message"]
-        raise FailedError(f"{n} processes with {backend}: {said[0]}")
+        messages = [line for line in done.stderr.splitlines() if line.startswith("rank ")] or ["no message"]
+        raise FailedError(f"{n} processes with {backend}: {messages[0]}")
     return {name: _read(folder / f"{name}.{n}.npz") for name in problems}
 
 

@@ -43,7 +43,7 @@ def words(n: int, *arguments: object, python: str = sys.executable) -> list[str]
 
 @cache
 def python_with_petsc() -> str:
-    """The Python that has PETSc: the one that runs, or that of `make petsc`; '' if neither has it."""
+    """The Python that has PETSc: the one that runs, or that of `make .venv-petsc`; '' if neither has it."""
     beside = ROOT / ".venv-petsc" / "bin" / "python"
     candidates = [sys.executable, *([str(beside)] if beside.exists() else [])]
     return next((python for python in candidates if not _complaint(python)), "")
@@ -53,7 +53,7 @@ def missing() -> str:
     """A sentence about what programs in several processes lack here, and how to get it; '' if they lack nothing."""
     if python_with_petsc():
         return ""
-    return f"{_complaint(sys.executable)}; in a checkout, make petsc installs all of it"
+    return f"{_complaint(sys.executable)}; in a checkout, make .venv-petsc installs all of it"
 
 
 @cache

@@ -9,14 +9,14 @@ A result is kept as `results.json` has it, with `bound`, which says how value, e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
-from functools import partial
+from functools import partial, wraps
 from inspect import signature
 from typing import Any, Literal
 
+from verification.charts import Plot
 from verification.measures.rates import fitted, pairwise
-from verification.pages.charts import Plot
 
 #: each has the cases of those before it
 SUITES = ("quick", "full", "all")
@@ -118,6 +118,7 @@ class Picture:
     title: str
     alt: str
     png: bytes
+    __pydantic_config__ = {"val_json_bytes": "base64"}  # how the folder of a run keeps the bytes
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,42 @@ class Outcome:
     plots: tuple[Plot, ...] = ()
     pictures: tuple[Picture, ...] = field(default=(), repr=False)
     failure: str = ""
+
+
+#: a generator of the rows of an outcome
+Rows = Iterator[Result | Plot | Picture]
+
+
+def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
+    """Turn a generator of results, plots and pictures into a function that returns them as an outcome.
+
+    The number of meshes, `levels`, is passed on to generators that ask for it.
+    """
+    asked = "levels" in signature(rows).parameters
+
+    @wraps(rows)
+    def solve(*given: Any, levels: int, **more: Any) -> Outcome:
+        yielded = tuple(rows(*given, **more, **({"levels": levels} if asked else {})))
+        return Outcome(
+            tuple(one for one in yielded if isinstance(one, Result)),
+            tuple(one for one in yielded if isinstance(one, Plot)),
+            tuple(one for one in yielded if isinstance(one, Picture)),
+        )
+
+    return solve
+
+
+def row(
+    family: str, name: str, description: str, solve: Callable[..., Outcome], *given: Any, quick: int = 0, full: int = 0,
+    every: int = 0, seconds: float = 5.0, **more: Any,
+) -> Case:  # fmt: skip
+    """A row of the table of a family: the case that solves a `problem` with these arguments.
+
+    `quick`, `full`, `every`: number of meshes in the suites quick, full and all; 0 where that of the suite before
+    stands.
+    """
+    levels = {suite: n for suite, n in zip(SUITES, (quick, full, every), strict=True) if n}
+    return Case(family, name, description, partial(solve, *given, **more), levels, seconds)
 
 
 def equal(

@@ -182,15 +182,15 @@ def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> 
 
     `gap`: (n,) at points (n, 3) of the slave, in the coordinates of the mesh, along its normals there (n, 3).
     """
-    (joint,), asked = problem.joints, []
+    (joint,), places = problem.joints, []
 
     def none(x: Floats, t: float) -> Floats:
-        asked.append(x + problem.space.origin)
+        places.append(x + problem.space.origin)
         return np.zeros(len(x))
 
     pairing = replace(joint.pairing, clearance=none)
     points = integrate(joint.zone, problem.space.dim, pairing).points
-    missing = gap(asked[0], points.normal) - points.gap
+    missing = gap(places[0], points.normal) - points.gap
     return replace(problem, joints=(replace(joint, pairing=replace(pairing, clearance=lambda x, t: missing)),))
 
 
@@ -245,6 +245,37 @@ def entry(table: str, **keys: object) -> str:
     """
     head = f"[{table}]" if table in _ONCE else f"[[{table}]]"
     return "\n".join([head, *filter(None, [_keys(**keys)])])
+
+
+def material(young: float, poisson: float, **keys: object) -> str:
+    """The table of a material."""
+    return entry("material", young=young, poisson=poisson, **keys)
+
+
+def contact(slave: str = "slave", master: str = "master", **keys: object) -> str:
+    """The table of a contact."""
+    return entry("contact", slave=slave, master=master, **keys)
+
+
+def fixed(group: str, axes: str) -> str:
+    """The table of a group whose displacement along some axes, such as "xy", is zero.
+
+    >>> print(fixed("bottom", "xy"))
+    [[displacement]]
+    group = "bottom"
+    ux = 0.0
+    uy = 0.0
+    """
+    return entry("displacement", group=group, **{f"u{axis}": 0.0 for axis in axes})
+
+
+def times(*counts: int) -> list[float]:
+    """Ends of time steps: so many in each unit of time.
+
+    >>> times(1, 4)
+    [1.0, 1.25, 1.5, 1.75, 2.0]
+    """
+    return [unit + (k + 1) / count for unit, count in enumerate(counts) for k in range(count)]
 
 
 def _keys(**keys: object) -> str:

@@ -1,4 +1,4 @@
-"""LAC contact for sfepy: its stiffness of a press fit, and lacsolver's contact. See bridges.md."""
+"""LAC contact for sfepy: its stiffness of a press fit, and lacsolver's contact. See docs/python.md."""
 
 import sys
 

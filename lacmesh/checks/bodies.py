@@ -101,7 +101,7 @@ def coincident_nodes(request: Request) -> Iterator[Place]:
         what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
         message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')} "
         message += f"({request.node_numbers(nodes[again])}): {what}"
-        yield Place(message, nodes=nodes[again], advice="merge them if this is not intended")
+        yield Place(message, nodes=nodes[again], advice="merge the nodes if this is not intended")
 
 
 def _unexplained(request: Request, nodes: Ints, place: Ints) -> tuple[Bools, Bools]:
@@ -156,7 +156,7 @@ def torn_bodies(request: Request) -> Iterator[Place]:
     if len(node):
         message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
         owner = _named(request, np.unique(request.bodies[node])) if request.bodies.max() else "the body"
-        message += f" of {owner}, to which they belong ({request.node_numbers(node)}): its cells do not conform there"
+        message += f" of their own body, {owner} ({request.node_numbers(node)}): its cells do not conform there"
         yield Place(message, nodes=node)
 
 

@@ -273,8 +273,8 @@ def _without_dof(request: Request, what: str) -> tuple[str, Ints, str]:
     cells = _faces(request, none)
     message = f"{int(none.sum()):,} of {len(none):,} {what} no internal dof ({request.numbers(cells)}"
     if (dofs.anywhere[none] > 0).any():
-        message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
-        message += "symmetry condition would constrain it"
+        message += f"; {int((dofs.anywhere[none] > 0).sum())} of them only one on the boundary of the skin, which a "
+        message += "symmetry condition would constrain"
     groups = " ".join(f"--slave {quote(name)}" for name in request.slave.names)
     return f"{message})", cells, f"cut the skin: lacmesh cut {groups}"
 
@@ -292,16 +292,16 @@ def fixed_internal_dof(request: Request) -> Iterator[Place]:
 
 @rule("rim-dof", "warning", "cut the faces, or give the constrained groups with --dirichlet", "slave")
 def rim_dofs(request: Request) -> Iterator[Place]:
-    """A macro-element has internal dofs only on the boundary of the slave skin, where a symmetry condition would
-    constrain them.
+    """A macro-element has internal dofs only on the boundary of the slave skin, which a symmetry condition would
+    constrain.
     """
     dofs = request.once(_dofs)
     on_boundary = ~_lacking(request) & (dofs.free > 0) & (dofs.free_inside == 0)
     if on_boundary.any():
         cells = _faces(request, on_boundary)
         message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
-        message += f" free dofs on the boundary of the slave skin only (slave faces {request.numbers(cells)}), where a "
-        yield Place(f"{message}symmetry condition would constrain them", cells)
+        message += f" internal dofs only on the boundary of the slave skin (slave faces {request.numbers(cells)}), "
+        yield Place(f"{message}which a symmetry condition would constrain", cells)
 
 
 @rule("internal-dof", "info", "nothing", "slave")

@@ -148,13 +148,13 @@ def _bare_zones(request: Request, facing: _Facing) -> dict[str, Bools]:
     return {name: macros for name, macros in of_zone.items() if macros.any() and bare[macros].all()}
 
 
-@rule("no-coverage", "error", "check the groups, and where they lie and face, or increase --search-distance", "pair")
+@rule("no-coverage", "error", "check the groups, their positions and normals, or increase --search-distance", "pair")
 @_paired
 def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
-    """No slave face of a zone finds a master face along its normal, within the search distance."""
+    """No slave face of a zone has a master face along its normal, within the search distance."""
     for name, macros in _bare_zones(request, facing).items():  # an error, whatever the other zones see
-        message = f"no slave face of {name} finds a master face along its normal, up to "
-        message += f"{facing.options['search_distance']:.4g} away"
+        message = f"no slave face of {name} has a master face along its normal, within "
+        message += f"{facing.options['search_distance']:.4g}"
         yield Place(message, request.slave.cells[macros[facing.macro]], group=name)
 
 
@@ -167,8 +167,10 @@ def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
         bare = bare & ~macros
     if (bare | partly).any():
         cells = request.slave.cells[(bare | partly)[facing.macro]]
-        message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
-        message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)})"
+        all_ = f" of {counted(len(bare), 'macro-element')}"
+        none = f"does not cover {bare.sum():,}{all_}" if bare.any() else ""
+        some = f"covers {partly.sum():,}{'' if none else all_} only in part" if partly.any() else ""
+        message = f"the master {none}{', and ' if none and some else ''}{some} (slave faces {request.numbers(cells)})"
         yield Place(message, cells)
 
 
@@ -223,7 +225,7 @@ def gaps(request: Request, facing: _Facing) -> Iterator[Place | dict[str, Any]]:
             "uncovered_macro_elements": int(bare.sum()),
         }
         message = f"gap from {gap['min']:.6g} to {gap['max']:.6g}, mean {gap['mean']:.6g} (open > 0); "
-        yield Place(f"{message}{100 * share:.4g} % of the slave faces the master")
+        yield Place(f"{message}the master covers {100 * share:.4g} % of the slave")
 
 
 @rule("size-ratio", "warning", "refine the coarser side, which limits the resolution of the pressure", "pair")
@@ -239,14 +241,14 @@ def size_ratios(request: Request, facing: _Facing) -> Iterator[Place]:
 @rule("better-slave", "info", "exchange slave and master, if the slave is not the softer body", "pair")
 @_paired
 def better_slaves(request: Request, facing: _Facing) -> Iterator[Place]:
-    """A hint from the meshes alone: by a rule of thumb the master is the coarser and stiffer side."""
+    """A hint from the sizes alone: by a rule of thumb the coarser and stiffer side is the master."""
     ratio, is_rigid = _size_ratio(facing), np.isnan(facing.master.depth).all()  # a rigid side is the stiffer one
     if ratio > HINT and not is_rigid:
-        message = f"a hint: {_MEET.format(ratio)}, and by a rule of thumb the master is the coarser and stiffer side; "
-        yield Place(f"{message}consider exchanging them")
+        message = f"a hint: {_MEET.format(ratio)}; by a rule of thumb the coarser and stiffer side is the master: "
+        yield Place(f"{message}consider exchanging slave and master")
 
 
-_MEET = "where they meet, slave macro-elements are {:.3g} times as large as master faces"
+_MEET = "where slave and master face each other, macro-elements are {:.3g} times as large as master faces"
 
 
 def _size_ratio(facing: _Facing) -> float:

@@ -255,5 +255,5 @@ def check_one_pair(slave: Sequence[str], master: Sequence[str], command: str = "
     n = max(len(slave), len(master))
     a, b = ([*names, *[names[-1]] * (n - len(names))] for names in (slave, master))
     words = " ".join(f"--pair {quote(f'{one}:{other}')}" for one, other in zip(a, b, strict=True))
-    message = f"{len(slave)} slaves and {len(master)} masters were given, and not which of them belong together"
-    raise RequestError(f"{message}; name the pairs with --pair (pairs=[...] in Python), as in: {command} {words}")
+    message = f"{len(slave)} slaves and {len(master)} masters do not say which of them belong together; name the pairs "
+    raise RequestError(f"{message}with --pair (pairs=[...] in Python), for example: {command} {words}")

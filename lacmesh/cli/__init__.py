@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lacmesh.cli.checks import check, quality
 from lacmesh.cli.cuts import cut, orient, split
-from lacmesh.cli.files import compile_, convert, example, info, partition
+from lacmesh.cli.files import compile_, convert, docs, example, info, partition
 from lacmesh.cli.models import mesh_command, view
 from lacmesh.cli.options import EPILOG
 from lacmesh.cli.program import Program, Run
@@ -23,7 +23,7 @@ PROGRAM = Program(
     "Prepare meshes for Local Average Contact: subdivide the slave faces into macro-elements with an internal "
     "displacement node, check, measure, draw, partition and convert.",
     EPILOG,
-    (example, cut, check, quality, orient, split, view, mesh_command, partition, info, convert, compile_),
+    (example, cut, check, quality, orient, split, view, mesh_command, partition, info, convert, docs, compile_),
     error_lines=_error_lines,
     too_large="there is not enough memory for this mesh",
     of_file="info",

@@ -113,7 +113,7 @@ def _refuse_errors(findings: lacmesh.Findings) -> None:
     """Raise DataError for an error of the check of a cut; warn of other findings."""
     if findings.errors:
         first, more = findings.errors[0], len(findings.errors) - 1
-        others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""
+        others = f"; to list {more} more, cut without --master, then run lacmesh check" if more else ""
         raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
     warn_of(findings)
 
@@ -123,7 +123,7 @@ def _report_beside(path: str | None, report: Any, source: str) -> Iterator[None]
     """Write the report, if there is one; it takes its place only after the block has succeeded: both, or neither."""
     if path is None or report is None:
         if path:
-            message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
+            message = "no report is written, because the mesh is cut already; see lacmesh quality"
             warnings.warn(message, LacmeshWarning, stacklevel=1)
         yield
         return
@@ -137,7 +137,7 @@ def _report_beside(path: str | None, report: Any, source: str) -> Iterator[None]
 def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.Cut, report: Any, spent: str) -> None:
     """Print what a cut has changed."""
     if cut.origin is None:  # it was cut before, from what is not known
-        print(f"{source} is already cut on all of {', '.join(cut.zones)}: written unchanged to {place}")
+        print(f"{source} is already cut ({', '.join(cut.zones)}): written unchanged to {place}")
         return
     summary = report.summary if report else lacmesh.report.CutSummary.of(before, cut)
     rows = [*summary.rows()]

@@ -1,4 +1,4 @@
-"""`lacmesh info`, `convert`, `partition`, `example` and `compile`: files of meshes, examples, compiled kernels."""
+"""`lacmesh info`, `convert`, `partition`, `example`, `docs` and `compile`: files, examples, pages, compiled kernels."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def summary(mesh: lacmesh.Mesh) -> str:
 
 def convert(
     source: MeshFile,
-    target: Annotated[str, Argument(metavar="OUT", help="the suffix says the format (docs/formats.md)")],
+    target: Annotated[str, Argument(metavar="OUT", help="the suffix says the format (lacmesh docs formats)")],
     *,
     order: Annotated[
         Literal["2", "2-full"] | None, Option(help="raise linear cells to serendipity (2), or full quadratic (2-full)")
@@ -200,6 +200,35 @@ def offer(examples: Mapping[str, Any], name: str | None, folder: str, *, force: 
     copied = lacmesh.examples.copy_example(chosen, Path(folder), force=force)
     command = chosen.command.replace(f" {copied[0].name}", f" {copied[0]}", 1)
     print(f"{', '.join(map(str, copied))}; next: {command}")
+
+
+Page = Annotated[str, Argument(metavar="PAGE", help="the page, such as cut or solver (default: the overview of all)")]
+PathOnly = Annotated[bool, Option("--path", help="print where its text is, in Markdown, and open nothing")]
+
+
+def docs(page: Page = "README", *, path: PathOnly = False, run: Run) -> None:
+    """Open a page of the documentation in the browser.
+
+    $ lacmesh docs cut
+    $ lacmesh docs conventions --path
+    """
+    open_page(page, path_only=path)
+
+
+def open_page(name: str, *, path_only: bool) -> None:
+    """Open a page of the documentation, or print where it is where there is no browser."""
+    from tempfile import mkdtemp
+
+    from lacmesh.pages import page, pages_folder, show, write_pages
+
+    source = page(name)
+    if path_only:
+        print(source)
+        return
+    folder = Path(mkdtemp(prefix="lacmesh-docs-"))
+    write_pages(folder)
+    target = folder / source.relative_to(pages_folder()).with_suffix(".html")
+    print(target if show(target) else f"{target}; there is no browser here: the same as text is {source}")
 
 
 def compile_(*, run: Run) -> None:

@@ -123,12 +123,12 @@ def _warn_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str) -> 
     if rest == "join" and not quad8.all():
         names = mesh.cell_names(cells[~quad8])
         raise CutError(
-            f"slave faces {names} join no star: none lies beside them; rest = 'cut' cuts them", mesh.cell_number[cells]
+            f"slave faces {names} have no star beside them to join; rest = 'cut' cuts them", mesh.cell_number[cells]
         )
-    for some, why in ((cells[quad8], "are QUAD8, of which pairs = True makes macro-elements of two"),
-                      (cells[~quad8], "are in no star: none of their nodes is off the rim, and free")):  # fmt: skip
+    no_star = "no star reaches them: their nodes are on a boundary or edge, or fixed"
+    for some, why in ((cells[quad8], "they are QUAD8, which pairs = True joins in pairs"), (cells[~quad8], no_star)):
         if len(some):
-            warnings.warn(f"slave faces {mesh.cell_names(some)} {why}; they are cut", LacmeshWarning, stacklevel=3)
+            warnings.warn(f"slave faces {mesh.cell_names(some)} are cut: {why}", LacmeshWarning, stacklevel=3)
 
 
 def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:

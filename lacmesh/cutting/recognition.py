@@ -84,14 +84,14 @@ def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | N
     if is_cut(mesh):
         if recognise is not False:
             return _recorded(mesh, slave)
-        message = f"the mesh is cut already: its records (zones {', '.join(mesh.zones)}) are replaced"
+        message = f"the mesh is cut already: its records (of {', '.join(mesh.zones)}) are replaced"
         warnings.warn(message, LacmeshWarning, stacklevel=3)
     if not recognise or not slave.names:
         return None
     recognised = find_macros(mesh, slave)
     if len(recognised.left) or not recognised.n_cut:
         left = recognised.cells[recognised.left]
-        names = f"{', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
+        names = f"{', '.join(slave.names)} (cells {mesh.cell_names(left)} fit no pattern of a cut)"
         raise CutError(f"no earlier cut is recognised on {names}", mesh.cell_number[left])
     return as_cut(mesh, recognised)
 
@@ -138,10 +138,8 @@ def _recorded(mesh: Mesh, slave: SlaveSkin) -> Cut:
         others = [(kind, nodes, cells) for kind, cells, nodes in mesh.select(faces[macro[faces] < 0])]
         left = np.setdiff1d(faces[macro[faces] < 0], find_repeats(skin, others, mesh.n_nodes).cell)
         if len(left) or not len(faces):
-            message = (
-                f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {name!r} (cells "
-            )
-            advice = "cut the mesh it came from, with every --slave at once"
+            message = f"this mesh is cut already (on {', '.join(mesh.zones)}), but not everywhere on {name!r} (cells "
+            advice = "cut the original mesh, with every --slave at once"
             raise CutError(f"{message}{mesh.cell_names(left)}); {advice}", mesh.cell_number[left])
     return cut
 

@@ -131,7 +131,7 @@ class Cut(Described):
                 return children, parents
         missing = np.setdiff1d(numbers, known)
         if len(missing):
-            raise CutError(f"the mesh before has no cells {some(missing)}: the cut is of another mesh", missing)
+            raise CutError(f"the cut is of another mesh: the one before has no cells {some(missing)}", missing)
         order = np.argsort(known, kind="stable")
         return children, order[np.searchsorted(known, numbers, sorter=order)]
 

@@ -99,7 +99,7 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
     ]
     empty = ", ".join(name for k, name in enumerate(names) if not (zone == k).any())
     if empty:
-        remarks.append(f"every face of {empty} is in an earlier slave group: no macro-element is of that zone")
+        remarks.append(f"every face of {empty} is in an earlier slave group: {empty} has no macro-element")
     if len(first) != len(cells):
         copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
         remarks.append(f"slave faces stand twice in the slave groups (cells {copies} repeat others); both are cut")
@@ -136,7 +136,7 @@ def _refusals(mesh: Mesh, names: list[str], dims: list[int], skin_only: bool) ->
         yield CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
     if len(set(dims)) > 1:
         groups = f"the slave groups {', '.join(names)} have faces of dimensions {sorted(set(dims))}"
-        yield CutError(f"{groups}; cut them apart")
+        yield CutError(f"{groups}; cut one dimension only")
 
 
 def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_only: bool) -> tuple[Mesh, Selection]:
@@ -189,8 +189,8 @@ def _check_parents(
     differs = mask_of(len(faces), parents.face[~parents.same])
     behind = mesh.cell_names(parents.cell[~parents.same])
     for wrong, why in (
-        (skin_only & (count > 0), "have cells behind them, which a cut of the skin only would tear apart"),
-        ((not skin_only) & (count == 0), "have no parent cell; gmsh saves the cells of physical groups alone: is their "
+        (skin_only & (count > 0), "have cells behind them, from which --skin-only would separate them"),
+        ((not skin_only) & (count == 0), "have no parent cell; gmsh saves only the cells of physical groups: is their "
          "body in one? --skin-only cuts a surface without parent cells (a shell)"),
         (count > 2, "have more than two cells behind them: the mesh is not a manifold there"),
         (differs, f"and the cells behind them ({behind}) do not have the same mid-nodes: elevate the order of both "

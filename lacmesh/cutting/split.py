@@ -124,7 +124,7 @@ def split(mesh: MeshLike, faces: str | int | Sequence[str | int]) -> Mesh:
 def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
     """Divide a mesh as `split` does, and return it with the sides at its nodes."""
     if is_cut(mesh):
-        raise CutError("this mesh carries a cut, whose skins a split would change; split the mesh before it is cut")
+        raise CutError("this mesh carries a cut, whose macro-elements a split would change; split first, then cut")
     check_numbers(mesh)
     groups, faces = _groups(mesh, specs)
     owners = find_owners(faces, cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
@@ -193,9 +193,9 @@ def _check_owners(mesh: Mesh, groups: dict[str, FaceIncidence], faces: Faces, ow
     for name, on in groups.items():
         behind = count[on.face]
         for wrong, why in (
-            (behind == 0, "are no facets of cells, so that there is nothing to split; gmsh saves the cells of physical "
-             "groups alone: is the body in one, and were the faces embedded in it?"),
-            (behind == 1, "lie on the surface already; name faces inside the body, between two cells"),
+            (behind == 0, "are not facets of any cell, so there is nothing to split; gmsh saves only the cells of "
+             "physical groups: is the body in one, and were the faces embedded in it?"),
+            (behind == 1, "lie on the surface of the body; name faces inside the body, between two cells"),
             (behind > 2, "have more than two cells on them: the mesh is not a manifold there"),
             (differs[on.face], "and the cells on them do not have the same mid-nodes: elevate the order of both "
              "alike"),
@@ -219,7 +219,7 @@ def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
     """
     flip, kind, sheet = consistent_windings(mesh, faces)
     if (kind == ONE_SIDED).any():
-        raise DataError("has one side only, as a Moebius strip: its two sides cannot be told apart")
+        raise DataError("has one side only, like a Moebius strip, and cannot be split")
     n = np.bincount(sheet)
     half = (2 * np.bincount(sheet, flip) == n) & (np.bincount(sheet, kind == OPEN) == n)
     normal = face_normals(mesh, faces) * np.where(flip, -1.0, 1.0)[:, None]
@@ -235,8 +235,8 @@ def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
     alike = np.flatnonzero(agrees[0] == agrees[1])
     if len(alike):
         cells = owners.cell[np.concatenate([2 * alike, 2 * alike + 1])]
-        message = f"has cells on both sides of a face that list its nodes alike ({mesh.cell_names(cells)}): they "
-        raise DataError(f"{message}overlap, or have no common orientation; see lacmesh check", mesh.cell_number[cells])
+        message = "has a face whose two cells lie on the same side of it, or are oriented differently "
+        raise DataError(f"{message}({mesh.cell_names(cells)}); see lacmesh check", mesh.cell_number[cells])
     return agrees[1]
 
 
@@ -311,11 +311,11 @@ def _closed(mesh: Mesh, groups: dict[str, FaceIncidence], opened: Bools) -> Ints
     cells = np.unique(np.concatenate([on.cell[~opened[on.face]] for on in groups.values()]))
     for name, on in groups.items():
         if not opened[on.face].any():
-            why = "all corners of each lie on the front, whose nodes stay shared; refine the mesh there"
+            why = "all corners of each lie on the front, whose nodes are not doubled; refine the mesh there"
             raise DataError(f"no face of the group {name!r} can open: {why}", mesh.cell_number[on.cell])
     if len(cells):
-        why = "all their corners lie on the front, whose nodes stay shared; refine the mesh there to open them"
-        message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: {why}"
+        why = "all their corners lie on the front, whose nodes are not doubled; refine the mesh there to open them"
+        message = f"faces {mesh.cell_names(cells)} stay closed and are on neither side: {why}"
         warnings.warn(message, LacmeshWarning, stacklevel=4)
     return cells
 

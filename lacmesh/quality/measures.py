@@ -4,7 +4,7 @@ Ours: `validity`, `corner_jacobian`, `edge_ratio`, and the least and largest ang
 `min_dihedral`, `max_dihedral` of solids, `min_corner_angle`, `max_corner_angle` of surfaces. A quadratic cell has these
 only: Verdict defines nothing on it. Lines have `validity` alone, points nothing. Verdict's measures of the linear types
 are computed by VTK, through pyvista (the extra `view`). Names and accepted ranges: Stimpson et al., *The Verdict
-Library Reference Manual*, Sandia report SAND2007-1751, 2007. `docs/quality.md` says what each is.
+Library Reference Manual*, Sandia report SAND2007-1751, 2007. `docs/quality.md` says which of them matter.
 """
 
 from __future__ import annotations

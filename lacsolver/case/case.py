@@ -62,7 +62,7 @@ _OUTPUTS = 100
 
 
 class Probe(AtNodes, header="[[probe]]", one_of=WHERE, not_both=NOT_KIND_OF_AT, named_after="group"):
-    """[[probe]]: displacement kept step by step: the mean over the nodes of a group, or of one node.
+    """[[probe]]: displacement recorded in each step: the mean over the nodes of a group, or of one node.
 
     >>> Probe(group="top").name
     'top'
@@ -124,7 +124,7 @@ class Initial(Entry, header="[[initial]]", some_of=(("vx", "vy", "vz", "rotation
     Initial(groups=('ball',), vy=-3.0)
     """
 
-    groups: Groups = key(GROUPS, "", "groups of cells that move so", None, "the whole mesh")
+    groups: Groups = key(GROUPS, "", "groups of cells that move in this way", None, "the whole mesh")
     vx: Load = _initial("length / time", "velocity along x")
     vy: Load = _initial("length / time", "velocity along y")
     vz: Load = _initial("length / time", "velocity along z", SPACE)
@@ -248,7 +248,7 @@ class Case(Entry, header=""):
     """
 
     mesh: As[Path | Mesh | None, MeshLike | None] = key(
-        MESH_FILE, "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", None, "required"
+        MESH_FILE, "", "mesh file; lacsolver cuts the slaves if the mesh is not cut yet", None, "required"
     )
     model: str = key(
         choice({
@@ -259,7 +259,7 @@ class Case(Entry, header=""):
         }), "", "dimension and plane hypothesis",
     )  # fmt: skip
     thickness: float | dict[str, float] | None = key(
-        THICKNESS, "length", "thickness of the plane bodies, or that of each of some groups that have all cells", None,
+        THICKNESS, "length", "thickness of plane bodies: one for all, or one for each group of cells", None,
         "1.0", models=("plane_strain", "plane_stress"),
     )  # fmt: skip
     kinematics: str = key(

@@ -67,7 +67,7 @@ def _local_axes(axes: dict[str, Any]) -> dict[str, Any]:
         raise Mistake(f"needs x, or axis, and not both; it takes {LOCAL_AXES.words}")
     if "axis" in axes:
         if "xy" in axes or "origin" not in axes:
-            raise Mistake(f"is cylindrical, and needs origin and axis, no xy; it takes {LOCAL_AXES.words}")
+            raise Mistake(f"is cylindrical, so it needs origin and axis, and no xy; it takes {LOCAL_AXES.words}")
         if not any(axes["axis"]):
             raise Mistake("has an axis of length 0; give its direction")
     elif not any(axes["x"]):
@@ -84,7 +84,7 @@ def _axes_misfit(axes: Mapping[str, Any], dim: int) -> str:
     if dim == 3:
         return "" if "axis" in axes or "xy" in axes else "needs xy, a second vector in the plane of x and y"
     turned = any(axes.get("axis", ())[:2])
-    return "has an axis out of z, which a plane model turns about; write axis = [0, 0, 1]" if turned else ""
+    return "has an axis that is not z, the only one in a plane model; write axis = [0, 0, 1]" if turned else ""
 
 
 #: local axes: Cartesian, or cylindrical
@@ -128,9 +128,9 @@ def _one_place(term: dict[str, Any]) -> dict[str, Any]:
     if sum(name in term for name in ("node", "group", "at")) != 1:
         raise Mistake(f"needs one of node, group, at; it takes {_TERM.words}")
     if "kind" in term and "group" not in term:
-        raise Mistake("has a kind, which is of a group; leave it out")
+        raise Mistake("has a kind, which only a group has; remove it")
     if not term["factor"]:
-        raise Mistake("has the factor 0; leave the term out")
+        raise Mistake("has the factor 0; remove the term")
     return term
 
 

@@ -161,7 +161,7 @@ class Entry(Described, BaseModel):
             message = f"{cls.SECTION.header} needs {name} ({cls.KEYS[name].meaning}; {cls.KEYS[name].kind.words})"
             return Issue(message, lines[path] if lines else None)
         if one["type"] == "extra_forbidden":
-            message = f"{cls.subject(name)} is no key of {cls.SECTION.header}{did_you_mean(name, cls.KEYS)}"
+            message = f"{cls.subject(name)} is not a key of {cls.SECTION.header}{did_you_mean(name, cls.KEYS)}"
             return Issue(message, lines[(*path, name)] if lines else None)
         mistake = one["ctx"]["error"]
         line = lines[(*path, name, *mistake.inside)] if lines else None
@@ -208,13 +208,13 @@ class Entry(Described, BaseModel):
             if not given:
                 yield self.wrong(f"needs {' or '.join(names)}")
             elif len(given) > 1:
-                yield self.wrong(f"stands beside {given[0]}; give one of {' and '.join(names)}", given[1])
+                yield self.wrong(f"cannot be combined with {given[0]}; give one of {' and '.join(names)}", given[1])
         for names in self.SECTION.some_of:
             if not any(self.has(n) for n in names):
                 yield self.wrong(f"needs at least one of {', '.join(names)}")
         for one, other in self.SECTION.not_both:
             if self.has(one) and self.has(other):
-                yield self.wrong(f"stands beside {one}; give one of the two", other)
+                yield self.wrong(f"cannot be combined with {one}; give one of the two", other)
 
     def _needs(self) -> Iterator[Issue]:
         for name in self.told():
@@ -224,7 +224,7 @@ class Entry(Described, BaseModel):
             added = self.KEYS[needs.key].kind.added if needs.added else ()
             if getattr(self, needs.key) not in (*needs.values, *added):
                 wanted = " or ".join(f'{needs.key} = "{value}"' for value in needs.values)
-                yield self.wrong(f"means something only with {wanted}; leave it out, or say that", name)
+                yield self.wrong(f"has an effect only with {wanted}; set that, or remove this key", name)
 
     def against(self, model: str, kinematics: str) -> Iterator[Issue]:
         """Yield the mistakes under this model and these kinematics."""
@@ -239,7 +239,7 @@ class Entry(Described, BaseModel):
         """Yield mistakes against the kinematics; words are checked by default too, such as a material's law."""
         if key.kinematics not in (ANY, kinematics) and given:
             only = f'kinematics = "{key.kinematics}"'
-            yield self.wrong(f"means something only with {only}; leave it out, or say that", name)
+            yield self.wrong(f"has an effect only with {only}; set that, or remove this key", name)
         value, needs = getattr(self, name), key.kind.kinematics
         if needs and needs.get(value, kinematics) != kinematics:
             fitting = [word for word in key.kind.options if needs.get(word, kinematics) == kinematics]
@@ -249,7 +249,9 @@ class Entry(Described, BaseModel):
     def _against_model(self, name: str, key: Key, model: str) -> Iterator[Issue]:
         value = getattr(self, name)
         if model not in key.models:
-            yield self.wrong(f"is of the models {', '.join(key.models)}, and the model is {model}; leave it out", name)
+            yield self.wrong(
+                f"applies to the models {', '.join(key.models)}, and the model is {model}; remove it", name
+            )
             return
         if misfit := key.kind.misfit(value, 3 if model == "3d" else 2):
             yield self.wrong(misfit, name)

@@ -110,18 +110,18 @@ def parse_formula(text: str) -> Formula:
 
 def _tree(text: str) -> ast.expr:
     if len(text) > LONGEST:
-        raise Mistake(f"is a formula of {len(text)} characters; {LONGEST} is the most")
+        raise Mistake(f"is a formula of {len(text)} characters; at most {LONGEST} are allowed")
     if "#" in text:
-        raise Mistake("has # in its formula, which holds no comments; write these outside the text")
+        raise Mistake("has # in its formula; write comments outside the text")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return ast.parse(" ".join(text.split()), mode="eval").body
     except (RecursionError, MemoryError):
-        raise Mistake("is a formula too deeply nested to be read; split it with where() or a shorter form") from None
+        raise Mistake("is a formula that is nested too deeply; split it with where() or a shorter form") from None
     except (SyntaxError, ValueError) as error:
         said = getattr(error, "msg", None) or str(error)
-        raise Mistake(f"is no formula of x, y, z, t: {_short(text)} ({said})") from None
+        raise Mistake(f"is not a formula of x, y, z, t: {_short(text)} ({said})") from None
 
 
 def _expand(node: ast.expr) -> list[ast.expr | Step]:
@@ -149,7 +149,7 @@ def _expand(node: ast.expr) -> list[ast.expr | Step]:
 def _number(value: object) -> Step:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         shown = _short(repr(value))
-        raise Mistake(f"has {shown} in its formula, where numbers, x, y, z, t and functions may stand")
+        raise Mistake(f"has {shown} in its formula, where only numbers, x, y, z, t and functions are allowed")
     try:
         number = float(value)
     except OverflowError:
@@ -194,7 +194,7 @@ def _suggest(name: str) -> str:
 def _comparison(node: ast.Compare) -> list[ast.expr | Step]:
     """Return the arguments of a comparison and its step: that of `a < b < c` is `less less` on three."""
     if any(type(op) not in OPERATORS for op in node.ops):
-        raise Mistake("has a comparison in its formula that is none of < <= > >= == !=")
+        raise Mistake("has an unknown comparison in its formula; use < <= > >= == !=")
     words = " ".join(OPERATORS[type(op)] for op in node.ops)
     return [node.left, *node.comparators, Step(words, len(node.ops) + 1)]
 
@@ -209,7 +209,7 @@ def _call(node: ast.Call) -> list[ast.expr | Step]:
     least, most, _ = FUNCTIONS[name]
     count = len(node.args)
     if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
-        raise Mistake(f"names or unpacks an argument of {name} in its formula; write {name}(a, b)")
+        raise Mistake(f"names or unpacks an argument of {name}; write {name}(a, b)")
     if count < least or (most is not None and count > most):
         wanted = str(least) if most == least else f"{least} or more"
         raise Mistake(f"gives {name} {count} arguments in its formula; it takes {wanted}")
@@ -222,10 +222,10 @@ def _refusal(node: ast.AST) -> str:
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
         return "has ^ in its formula; write ** for a power"
     if isinstance(node, ast.Call):
-        return "calls something in its formula that has no name"
+        return "calls something without a name in its formula"
     what = {ast.Attribute: "a dot after a name", ast.Subscript: "an index", ast.Tuple: "a comma outside a function"}
     kind = what.get(type(node), f"an operator or word ({type(node).__name__})")
-    return f"has {kind} in its formula, where numbers, x, y, z, t, + - * / ** and functions may stand"
+    return f"has {kind} in its formula, where only numbers, x, y, z, t, + - * / ** and functions are allowed"
 
 
 def _short(text: str, most: int = 60) -> str:

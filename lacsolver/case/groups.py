@@ -56,7 +56,7 @@ def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:
         mesh.cells_of(group)
     except RequestError as error:
         if group in mesh.node_groups:
-            return f"{group!r} is a group of nodes, and a group of cells is needed, such as the faces of a skin"
+            return f"{group!r} is a group of nodes; a group of cells is needed, such as the faces of a surface"
         if not nodes:
             return str(error)
         return f"no group named {group!r}{did_you_mean(group, [*mesh.cell_groups, *mesh.node_groups])}"

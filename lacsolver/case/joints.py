@@ -74,9 +74,7 @@ class Cyclic(Tie, header="[[cyclic]]", named_after="slave"):
         numbers(3), "", "direction of the axis", (0.0, 0.0, 1.0), "[0, 0, 1]", models=SPACE
     )
     origin: Numbers = key(POINT, "length", "a point of the axis", None, "the origin")
-    harmonic: int = key(
-        whole(0), "", "number of nodal diameters; 0: all sectors move alike, and others are not available", 0
-    )
+    harmonic: int = key(whole(0), "", "number of nodal diameters; only 0 is available: all sectors deform alike", 0)
     ring: bool = key(FLAG, "", "write the fields of the whole ring too, for ParaView", False)
 
 
@@ -157,7 +155,11 @@ class Pretension(Entry, header="[[pretension]]", one_of=(("force", "shortening")
         VALUE_OF_TIME, "length", "length by which the bolt is shortened at the section", None, load=True
     )
     lock: float | None = key(
-        NOT_NEGATIVE, "time", "time from which the shortening stays as it is, whatever the force becomes", None, "never"
+        NOT_NEGATIVE,
+        "time",
+        "time from which the shortening is constant, and the force follows from the stiffness",
+        None,
+        "never",
     )
 
 

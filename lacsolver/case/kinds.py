@@ -101,7 +101,7 @@ def _of_pydantic(one: ErrorDetails, words: str) -> Mistake:
         mistake: Mistake = one["ctx"]["error"]
         return mistake
     if one["type"] == "less_than" and isinstance(one["input"], int):
-        return Mistake(f"is a whole number too large to be meant; it must be below {one['ctx']['lt']}")
+        return Mistake(f"is too large; it must be below {one['ctx']['lt']}")
     if one["type"] in _LIMITS:
         return Mistake(f"is {described(one['input'])}; it must be {words.partition('number ')[2]}")
     return Mistake(f"is {described(one['input'])}; it takes {words}")
@@ -212,7 +212,7 @@ def _list_of_groups(given: Any) -> Any:
         example = f'["{given}"]' if isinstance(given, str) and given.isprintable() else '["a", "b"]'
         raise Mistake(f"is {described(given)}; it takes a list of groups, as {example}")
     if not given:
-        raise Mistake("is an empty list; leave the key out where the whole mesh is meant")
+        raise Mistake("is an empty list; remove the key if the whole mesh is meant")
     return given
 
 

@@ -20,9 +20,9 @@ def other_than_case(path: Path) -> str:
     """Return what a folder, a mesh, an empty or a binary file is instead of a case; "" if it may be a case."""
     if path.is_dir():
         if (path / "results.json").exists() or (path / "history.csv").exists():
-            return f"is a folder of results, and not a case; --restart {path} goes on from them, with the case's file"
+            return f"is a folder of results, not a case; give the case file, and --restart {path} to continue"
         cases = sorted(file.name for file in path.glob("*.toml"))[:3]
-        return f"is a folder, and not a case{'; it holds ' + ', '.join(cases) if cases else ''}"
+        return f"is a folder, not a case{'; it has ' + ', '.join(cases) if cases else ''}"
     from lacmesh.formats.registry import HEAD, sniff  # with numpy, which reading a case does not need
 
     try:
@@ -45,7 +45,7 @@ def other_than_case(path: Path) -> str:
             f"is a mesh ({format}), and not a case; lacsolver new {path.name} writes a first case for it: "
             f"{_BEGINS.format(path.name)}"
         )
-    return f"is a binary file, and not a case; {_BEGINS.format('bodies.msh')}" if b"\0" in head else ""
+    return f"is a binary file, not a case; {_BEGINS.format('bodies.msh')}" if b"\0" in head else ""
 
 
 def meant(line: str) -> str:
@@ -59,7 +59,7 @@ def meant(line: str) -> str:
         ways = [value.replace(",", "")] if thousands else []
         ways += [value.replace(",", ".")] if value.count(",") == 1 and "." not in value else []
         if ways:
-            return f"{key} = {value} has a comma, which no number of TOML has; write {' or '.join(ways)}"
+            return f"{key} = {value} has a comma, which numbers in TOML do not have; write {' or '.join(ways)}"
     if re.fullmatch(r"[.~]*/?[A-Za-z_][\w./\\ -]*", value):
         return _word(key, value)
     if "\\" in value and value.startswith('"'):
@@ -68,16 +68,18 @@ def meant(line: str) -> str:
         r"(?<![\w.\"'])[+-]?[\d.][\w.]*(?:(?<=[eEdD])[+-]\d+\.?)?", re.sub(r"\"[^\"]*\"|'[^']*'", "", value)
     ):
         if not _is_toml(number) and (right := _number(number)):
-            return f"{key}: {number} is no number of TOML, which wants digits before and after a point; write {right}"
+            return (
+                f"{key}: {number} is not a number in TOML, which needs digits before and after the point; write {right}"
+            )
     return ""
 
 
 def _word(key: str, word: str) -> str:
     """Return what to write for text without quotes."""
     if word.lower() in ("true", "false"):
-        return f"{key} = {word} is no TOML; write {key} = {word.lower()}"
+        return f"{key} = {word} is not TOML; write {key} = {word.lower()}"
     if word.lower() in ("none", "null"):
-        return f"{key} = {word} is no TOML; leave the key out"
+        return f"{key} = {word} is not TOML; remove the key"
     return f'{key} = {word} is text without quotes; write {key} = "{word}"'
 
 

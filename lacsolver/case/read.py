@@ -106,7 +106,7 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
             if message := meant(text.split("\n")[-1]):
                 raise ReadError(path, message, last) from None
             raise ReadError(path, said.removesuffix(" (at end of document)") + " (the file ends)", last) from None
-        raise ReadError(path, f"is no TOML text ({said})") from None
+        raise ReadError(path, f"is not TOML ({said})") from None
 
 
 def _confused(document: dict[str, Any], lines: Lines) -> tuple[list[Issue], dict[str, KeyPath]]:
@@ -125,7 +125,7 @@ def _confused(document: dict[str, Any], lines: Lines) -> tuple[list[Issue], dict
             message, paths[name] = f"[{name}] may stand several times; write {header}", (name,)
             document[name] = [given]
         elif _is_tables(given) and given:
-            message, line = f"[[{name}]] stands once; write {header}", lines[(name, len(given) - 1)]
+            message, line = f"[[{name}]] is a single section; write {header}", lines[(name, len(given) - 1)]
             document[name], paths[name] = given[0], (name, 0)
         else:
             del document[name]
@@ -145,11 +145,13 @@ def _issue(one: ErrorDetails, document: Mapping[str, Any], paths: Mapping[str, K
         at = paths.get(first, one["loc"][:-1])
         if one["type"] == "extra_forbidden" and name in Case.KEYS:
             hint = "it belongs at the top of the file, before the first section"
-            return Issue(f"{name} is no key of {record.SECTION.header}; {hint}", lines[(*at, name)])
+            return Issue(f"{name} is not a key of {record.SECTION.header}; {hint}", lines[(*at, name)])
         return record.issue(one, at, lines)
     if one["type"] == "extra_forbidden":
         what = "section" if isinstance(document[name], dict) or _is_tables(document[name]) else "key"
-        return Issue(f"{name} is no {what} of a case{did_you_mean(name, [*Case.KEYS, *Case.SECTIONS])}", lines[(name,)])
+        return Issue(
+            f"{name} is not a {what} of a case{did_you_mean(name, [*Case.KEYS, *Case.SECTIONS])}", lines[(name,)]
+        )
     return Case.issue(one, (), lines)
 
 
@@ -160,6 +162,6 @@ def _needed(document: Mapping[str, Any], matrices: bool) -> Iterator[Issue]:
         yield Issue(f"{top} needs mesh ({Case.KEYS['mesh'].meaning}; {Case.KEYS['mesh'].kind.words})")
     if matrices:
         if not there & {"contact", "tie"}:
-            yield Issue(f"{top} needs a [[contact]] or a [[tie]], for its matrices are wanted")
+            yield Issue(f"{top} needs a [[contact]] or a [[tie]], whose matrices to write")
     elif "material" not in there:
         yield Issue(f"{top} needs a [[material]]")

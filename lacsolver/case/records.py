@@ -66,7 +66,7 @@ class Material(Entry, header="[[material]]"):
     'elastic'
     """
 
-    groups: Groups = key(GROUPS, "", "groups of cells made of it", None, "the whole mesh")
+    groups: Groups = key(GROUPS, "", "groups of cells that have this material", None, "the whole mesh")
     law: str = key(
         choice({
             "elastic": "linear, isotropic",
@@ -117,7 +117,9 @@ class Material(Entry, header="[[material]]"):
 _HEXA = choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_MACRO = choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
+_MACRO = choice(
+    {"cut": "each face is cut, and is one", "stars": "the faces around a node are one; the mesh is not cut"}
+)
 _NORMALS = choice(
     {
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
@@ -138,15 +140,15 @@ class PairEntry(Entry):
     why: str = hidden("")
     name: str = key(text("a name"), "", "name in the results", None, "the slave's name")
     slave: str = key(GROUP, "", "the surface that is cut and carries the pressures", None, "one of surfaces")
-    master: str = key(GROUP, "", "the surface opposite", None, "the other one of surfaces")
+    master: str = key(GROUP, "", "the opposite surface", None, "the other one of surfaces")
     surfaces: As[tuple[str, str] | None, Sequence[str] | None] = key(
-        TWO_GROUPS, "", "instead of slave and master: two surfaces, of which a rule chooses the slave", None
+        TWO_GROUPS, "", "instead of slave and master: two surfaces; rules choose the slave", None
     )
     hexa: str = key(_HEXA, "", "variant of the cut of HEXA8 and HEXA20, if the mesh is not cut yet", "pyramid")
     macro: str = key(_MACRO, "", "macro-elements of the slave, if the mesh has none yet", "cut")
     search_distance: float | None = key(
         POSITIVE, "length", "search distance from the slave to the master", None,
-        "a quarter of the smaller skin's diagonal, or twice a macro-element's if more",
+        "a quarter of the smaller surface's diagonal, at least twice a macro-element's",
     )  # fmt: skip
     coverage_threshold: float = key(
         number(0, 1, open=False), "", "macro-elements with less coverage are unpaired", 1e-6
@@ -195,12 +197,13 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
     )  # fmt: skip
     pressures: As[tuple[tuple[float, float], ...] | None, Sequence[Sequence[float]] | None] = key(
         PRESSURES, "stress, length",
-        "pressure at each overlap (negative: at a gap), from 0 on; linear between the rows, and on beyond the last",
+        "pressure at each overlap (negative: at a gap), from pressure 0 on; linear between the rows, and beyond them "
+        "with the last slope",
         None, "required if table", needs=Needs("law", ("table",)),
     )  # fmt: skip
     damping: float = key(
         NOT_NEGATIVE, "stress × time / length",
-        "pressure per approach velocity while surfaces overlap, beside that of soft contact; with [dynamics]", 0.0,
+        "pressure per approach velocity while surfaces overlap, added to that of soft contact; with [dynamics]", 0.0,
         needs=Needs("type", ("unilateral",)),
     )  # fmt: skip
     constants: dict[str, float] | None = key(
@@ -230,11 +233,11 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
     )
     adjust: float | None = key(
         NOT_NEGATIVE, "length",
-        "slave nodes within this distance of the master are moved onto it, without strain; 0: those that overlap it",
-        None, "none are moved",
+        "slave nodes within this distance of the master are moved onto it, without strain; 0: only nodes that overlap "
+        "it", None, "no node is moved",
     )  # fmt: skip
     friction: As[Value, ValueLike] = key(
-        varying(least=">= 0", infinite=True), "", "coefficient of friction, not ramped; inf: rough, nothing slides",
+        varying(least=">= 0", infinite=True), "", "coefficient of friction, not ramped; inf: no slip while in contact",
         Value(0.0), "0.0",
     )  # fmt: skip
     cohesion: As[Value, ValueLike] = key(
@@ -242,7 +245,7 @@ class Contact(PairEntry, header="[[contact]]", one_of=ROLES, named_after="slave"
         Value(0.0), "0.0",
     )  # fmt: skip
     shear_limit: As[Value | None, ValueLike | None] = key(
-        varying(least="> 0"), "stress", "most that friction carries (Orowan's law)", None, "none"
+        varying(least="> 0"), "stress", "largest shear traction (Orowan's law)", None, "none"
     )
 
     @property
@@ -308,8 +311,8 @@ class Displacement(
     axes: LocalAxes = in_axes("ux, uy, uz")
     un: Load = _load("length", "along the outward normal of the group's faces")
     begin: float | None = key(
-        POSITIVE, "time", "time up to which the nodes are free; then they are held where they are, and move as the "
-        "values change from there on", None, "held from the start",
+        POSITIVE, "time", "time up to which the nodes are free; then they are constrained where they are, and move as "
+        "the values change from there on", None, "constrained from the start",
     )  # fmt: skip
     reached: float | None = key(
         POSITIVE, "time", "with begin: time up to which the nodes go evenly to the values themselves, counted from the "

@@ -50,15 +50,15 @@ def _materials(case: Case) -> Iterator[Issue]:
             continue
         for name in [name for name in ("young", "poisson", "expansion") if record.has(name)]:
             if law in MATERIAL_LAWS:
-                yield record.wrong(f'is no key of law = "{law}", which takes constants; give it there', name)
+                yield record.wrong(f'is not a key of law = "{law}"; give it as one of its constants', name)
             elif isinstance(getattr(record, name), tuple):
-                message = f'has three numbers, which only law = "orthotropic" takes; here it is "{law}"'
+                message = f'has three numbers; only law = "orthotropic" takes three, and the law is "{law}"'
                 yield record.wrong(message, name)
         if law == "plastic" and not record.has("hardening"):
             rows = "hardening = [[yield stress, 0.0], ...]"
             yield record.wrong(f'needs {rows} with law = "plastic"; one row is perfect plasticity')
         if law not in MATERIAL_LAWS and isinstance(poisson, float) and not -1 < poisson < 0.5:
-            hint = "; take 0.49 for rubber" if poisson >= 0.5 else ""
+            hint = "; use 0.49 for rubber" if poisson >= 0.5 else ""
             yield record.wrong(f"is {poisson:g}; it must be > -1 and < 0.5{hint}", "poisson")
 
 
@@ -70,7 +70,7 @@ def _orthotropic(record: Material) -> Iterator[Issue]:
         if isinstance(value, float):
             yield record.wrong('is one number; law = "orthotropic" takes three', name)
     if isinstance(young, tuple) and isinstance(poisson, tuple) and not _stores_energy(young, poisson):
-        message = "makes a law that gives energy when it is strained, with these young; it is [nu12, nu13, nu23], and "
+        message = "gives, with these young, a strain energy below 0; poisson is [nu12, nu13, nu23], and "
         yield record.wrong(f"{message}nu_ij² < E_i / E_j must hold", "poisson")
 
 
@@ -87,10 +87,12 @@ def _groups_once(case: Case) -> Iterator[Issue]:
         taken: set[str] = set()
         for record in records:
             if not record.has("groups") and len(records) > 1:
-                yield record.wrong("has no groups and so is for the whole mesh, beside others; give it groups")
+                yield record.wrong(
+                    "has no groups, so it applies to the whole mesh and to cells of other sections; give it groups"
+                )
             for group in record.groups or ():
                 if group in taken:
-                    yield record.wrong(f"names {group!r}, which an earlier {record.SECTION.header} has", "groups")
+                    yield record.wrong(f"names {group!r}, which an earlier {record.SECTION.header} names too", "groups")
                 taken.add(group)
 
 
@@ -100,15 +102,18 @@ def _pairs(case: Case) -> Iterator[Issue]:
     for record in [record for record in pairs if record.slave is not None]:
         slave, master = record.slave, record.master
         if slave == master:
-            message = f"is {master!r}, the slave itself; two skins meet, so give each a group"
+            message = f"is {master!r}, the same group as the slave; give the master surface a group of its own"
             if record not in case.cyclic:
                 mesh = case.mesh.name if isinstance(case.mesh, Path) else "MESH"
-                message += f": lacmesh split {mesh} --faces {quote(master)} makes them of faces inside a body"
+                message += f": lacmesh split {mesh} --faces {quote(master)} makes two surfaces from faces inside a body"
             yield record.wrong(message, "master")
         if slave in rigid:
-            yield record.wrong(f"is {slave!r}, which is [[rigid]]; let the rigid skin be the master", "slave")
+            yield record.wrong(f"is {slave!r}, which is [[rigid]]; make the rigid surface the master", "slave")
     for record in _repeated(pairs, "slave"):
-        yield record.wrong(f"is {record.slave!r}, the slave of an earlier one; join the masters in one group", "slave")
+        yield record.wrong(
+            f"is {record.slave!r}, which is the slave of an earlier section too; put both masters into one group",
+            "slave",
+        )
 
 
 def _creases(case: Case) -> Iterator[Issue]:
@@ -117,7 +122,7 @@ def _creases(case: Case) -> Iterator[Issue]:
         normals = getattr(record, "normals", "facet")  # a tie has no normals
         if "crease_angle" in record.told() and record.surface == "faces" and normals in ("facet", "slave"):
             also = ' or normals = "smoothed"' if record in case.contact else ""
-            message = f'means something only with surface = "smooth"{also}; leave it out, or say that'
+            message = f'has an effect only with surface = "smooth"{also}; set that, or remove this key'
             yield record.wrong(message, "crease_angle")
 
 
@@ -127,7 +132,7 @@ def _constants(case: Case) -> Iterator[Issue]:
     types = [(record, "type", record.type, CONTACT_LAWS) for record in case.contact]
     for record, key, name, added in (*laws, *types):
         if record.has("constants") and name not in added:
-            message = f'are of laws that a Python program has added, and {key} is "{name}"; leave them out'
+            message = f'belong to laws that a Python program adds, and {key} is "{name}"; remove them'
             yield record.wrong(message, "constants")
 
 
@@ -137,17 +142,19 @@ def _contacts(case: Case) -> Iterator[Issue]:
     wanted = {"exponential": ("pressure_at_contact", "clearance_at_zero"), "table": ("pressures",)}
     for record in case.contact:
         if record.law in wanted and record.has("stiffness"):
-            yield record.wrong(f'stands beside law = "{record.law}"; give one of the two', "stiffness")
+            yield record.wrong(f'cannot be combined with law = "{record.law}"; give one of the two', "stiffness")
         for name in wanted.get(record.law, ()):
             if not record.has(name):
                 yield record.wrong(f'needs {name} with law = "{record.law}"', "law")
         if record.damping and case.dynamics is None:
-            yield record.wrong("goes with velocities, and there are none without [dynamics]; leave it out", "damping")
+            yield record.wrong("has no effect without [dynamics]; remove it", "damping")
         elif record.damping and not record.is_soft:
-            message = "acts on an overlap, which rigid contact does not have; give a stiffness, or a law"
+            message = "needs soft contact, since rigid contact has no overlap; give a stiffness, or a law"
             yield record.wrong(message, "damping")
         if record.measure == "current" and (record.geometry or usual) == "reference":
-            yield record.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
+            yield record.wrong(
+                'is "current", which needs geometry = "current"; set that, or remove this key', "measure"
+            )
 
 
 def _friction(case: Case) -> Iterator[Issue]:
@@ -155,15 +162,15 @@ def _friction(case: Case) -> Iterator[Issue]:
     for record in case.contact:
         if not record.has_friction:
             if record.has("shear_limit"):
-                message = "means something only with friction or cohesion; give one of them, or leave it out"
+                message = "has an effect only with friction or cohesion; give one of them, or remove this key"
                 yield record.wrong(message, "shear_limit")
             continue
         source = "friction" if record.has("friction") else "cohesion"
         if record.type != "unilateral":
-            message = f'is of contact that can open, and type is "{record.type}"; leave it out, or the type'
+            message = f'needs contact that can open, and type is "{record.type}"; remove one of the two'
             yield record.wrong(message, source)
         if record.friction.source == inf and record.has("cohesion"):
-            message = "has no meaning with friction = inf, with which nothing slides; leave it out"
+            message = "has no effect with friction = inf, which excludes slip; remove it"
             yield record.wrong(message, "cohesion")
 
 
@@ -173,11 +180,11 @@ def _names(case: Case) -> Iterator[Issue]:
     for records in (pairs, case.probe, case.equation, case.coupling, case.pretension):
         for record in _repeated(records, "name"):
             source = "name" if record.has("name") else record.SECTION.named_after
-            message = f"calls it {record.name!r}, as an earlier one is; give it a name of its own"
+            message = f"is {record.name!r}, which is the name of an earlier section too; give this one another name"
             yield record.wrong(message, source)
     for probe in case.probe:
         if probe.has("at") and not probe.has("name"):
-            yield probe.wrong("needs a name, for it has no group to be called by")
+            yield probe.wrong("needs a name, since it has no group to be named after")
 
 
 def _prescribed_once(case: Case) -> Iterator[Issue]:
@@ -187,25 +194,27 @@ def _prescribed_once(case: Case) -> Iterator[Issue]:
     for record in case.displacement:
         where = record.group or record.at
         if where in rigid:
-            yield record.wrong(f"is {where!r}, which is [[rigid]]; move it there", "group")
+            yield record.wrong(f"is {where!r}, which is [[rigid]]; prescribe the motion in [[rigid]]", "group")
         if record.has("un") and record.kind == "node":
-            message = 'is along the normal of faces, which a group of nodes (kind = "node") does not have'
+            message = 'is along the normal of faces, and a group of nodes (kind = "node") has no faces'
             yield record.wrong(message, "un")
         for name in [n for n in ("ux", "uy", "uz", "un") if record.has(n)]:
             first = taken.setdefault((where, record.kind, name, str(record.axes)), record)
             if any(getattr(first, key) != getattr(record, key) for key in (name, "begin", "reached")):
                 by = f"the [[displacement]] of {first.place}" if first.place else "an earlier [[displacement]]"
-                yield record.wrong(f"is prescribed at {where!r} by {by} too, otherwise; leave one out", name)
+                yield record.wrong(
+                    f"is prescribed at {where!r} by {by} too, with another value or time; remove one", name
+                )
 
 
 def _groups_of_joints(case: Case) -> Iterator[Issue]:
     """Check that displacements that nodes share, and a moment, have a whole group."""
     for equation in case.equation:
         if equation.has("same") and not equation.has("group"):
-            yield equation.wrong("needs a group, whose nodes share it", "same")
+            yield equation.wrong("needs a group, whose nodes share the component", "same")
     for force in case.force:
         if force.has("moment") and not force.total:
-            message = "is of the whole group; say total = true, which the force beside it is then too"
+            message = "acts on the whole group; set total = true, which makes fx, fy and fz totals too"
             yield force.wrong(message, "moment")
 
 
@@ -213,12 +222,12 @@ def _sectors(case: Case) -> Iterator[Issue]:
     """Check that sectors are of a model that has them, and turn alike."""
     for record in case.cyclic:
         if case.model == "axisymmetric":
-            yield record.wrong("is of a sector, and an axisymmetric model is a whole ring already; leave it out")
+            yield record.wrong("is a sector, and an axisymmetric model is a whole ring; remove it")
         if record.harmonic:
-            message = f"is {record.harmonic}; sectors with nodal diameters are not available, 0 alone"
+            message = f"is {record.harmonic}; only 0 is available: all sectors deform alike"
             yield record.wrong(message, "harmonic")
         if record.ring and case.output.format == "med":
-            yield record.wrong('is written for ParaView; take [output] format = "vtu"', "ring")
+            yield record.wrong('is written for ParaView; set [output] format = "vtu"', "ring")
         if not any(record.axis):
             yield record.wrong("has the length 0; give its direction", "axis")
 
@@ -226,12 +235,12 @@ def _sectors(case: Case) -> Iterator[Issue]:
 def _round_axes(case: Case) -> Iterator[Issue]:
     """Check that no axes are cylindrical where components are Cartesian, or cylindrical already."""
     reasons: list[tuple[Sequence[Any], str]] = [
-        (case.coupling, "; the point of a coupling takes Cartesian ones"),
-        ([one for one in case.spring if one.to is not None], "; a spring between two nodes takes Cartesian ones"),
+        (case.coupling, "; the point of a coupling needs Cartesian axes"),
+        ([one for one in case.spring if one.to is not None], "; a spring between two nodes needs Cartesian axes"),
     ]
     if case.model == "axisymmetric":
         turned = (*case.displacement, *case.force, *case.spring)
-        reasons += [(turned, ", as ux and uy of an axisymmetric model are; leave them out")]
+        reasons += [(turned, ", as ux and uy of an axisymmetric model are anyway; remove them")]
     for records, reason in reasons:
         for record in records:
             if record.axes is not None and "axis" in record.axes:
@@ -242,7 +251,7 @@ def _springs(case: Case) -> Iterator[Issue]:
     """Check that a spring along a line has another node, which is not its own."""
     for record in case.spring:
         if record.has("k") and not record.has("to"):
-            message = "is along the line to another node; give that as to, or kx, ky, kz for a spring to the ground"
+            message = "is the stiffness along the line to another node; give this node as to, or use kx, ky, kz"
             yield record.wrong(message, "k")
         if record.to is not None and record.to == record.group:
             yield record.wrong(f"is {record.to!r}, the group itself; name the node at the other end", "to")
@@ -251,12 +260,12 @@ def _springs(case: Case) -> Iterator[Issue]:
 def _sections(case: Case) -> Iterator[Issue]:
     """Check that each section is tightened once, along a direction, and locked while the case runs."""
     for record in _repeated(case.pretension, "group"):
-        yield record.wrong(f"is {record.group!r}, which an earlier one has; keep one", "group")
+        yield record.wrong(f"is {record.group!r}, the group of an earlier section too; keep one of the two", "group")
     for record in case.pretension:
         if record.normal is not None and not any(record.normal):
             yield record.wrong("has length 0; give a direction", "normal")
         if record.lock is not None and record.lock >= case.steps.last:
-            message = f"is {record.lock:g}, and the steps end at {case.steps.last:g}; leave it out, or lock before"
+            message = f"is {record.lock:g}, and the steps end at {case.steps.last:g}; remove it, or lock earlier"
             yield record.wrong(message, "lock")
 
 
@@ -266,9 +275,13 @@ def _turns(case: Case) -> Iterator[Issue]:
     for record in [one for one in records if one.rotation is not None and one.moment is not None]:
         both = [m for theta, m in zip(record.rotation, record.moment, strict=False) if theta != FREE]
         if len(both) == len(record.rotation):
-            yield record.wrong('stands beside rotation; give one of the two, or let some of that be "free"', "moment")
+            yield record.wrong(
+                'cannot be combined with rotation; give one of the two, or set some rotations to "free"', "moment"
+            )
         elif any(m.source != 0 for m in both):
-            yield record.wrong("has a part about an axis whose rotation is prescribed; make that 0", "moment")
+            yield record.wrong(
+                "has a component about an axis whose rotation is prescribed; set this component to 0", "moment"
+            )
 
 
 def _late(case: Case) -> Iterator[Issue]:
@@ -278,34 +291,31 @@ def _late(case: Case) -> Iterator[Issue]:
         begin, reached = record.begin, record.reached
         if begin is None:
             if reached is not None:
-                message = "means something only with begin, the time from which on the nodes are held"
+                message = "has an effect only with begin, the time at which the support begins"
                 yield record.wrong(message, "reached")
             continue
         if moving is not None and begin >= moving.start:
-            why = f"[dynamics] starts at {moving.start:g}: what moves would stop at once"
-            yield record.wrong(f"is {begin:g}, and {why}; let it begin before", "begin")
+            why = f"[dynamics] starts at {moving.start:g}: moving nodes would stop abruptly"
+            yield record.wrong(f"is {begin:g}, and {why}; choose an earlier time", "begin")
         elif begin >= last:
-            yield record.wrong(f"is {begin:g}, and the steps end at {last:g}; let it begin before", "begin")
+            yield record.wrong(f"is {begin:g}, and the steps end at {last:g}; choose an earlier time", "begin")
         if reached is not None and reached <= begin:
-            yield record.wrong(f"is {reached:g}, and it begins at {begin:g}; take a later time", "reached")
+            yield record.wrong(f"is {reached:g}, and the support begins at {begin:g}; choose a later time", "reached")
 
 
 def _rigid_once(case: Case) -> Iterator[Issue]:
     """Check that a group is one rigid body."""
     for record in _repeated(case.rigid, "group"):
-        yield record.wrong(f"is {record.group!r}, which an earlier [[rigid]] has", "group")
+        yield record.wrong(f"is {record.group!r}, the group of an earlier [[rigid]] too", "group")
 
 
 def _fields(case: Case) -> Iterator[Issue]:
     """Check that gravity and temperature have a material that they act on."""
     gravity = () if case.gravity is None else (case.gravity,)
-    for records, constant, effect in (
-        (gravity, "a density", "weighs"),
-        (case.temperature, "an expansion", "expands"),
-    ):
+    for records, constant in ((gravity, "a density"), (case.temperature, "an expansion")):
         if case.material and not any(constant.split()[1] in record.told() for record in case.material):
             for one in records[:1]:
-                yield one.wrong(f"has no effect: no [[material]] has {constant}, so that nothing {effect}")
+                yield one.wrong(f"has no effect: no [[material]] has {constant}")
 
 
 def _engine(case: Case) -> Iterator[Issue]:
@@ -328,25 +338,25 @@ def _motion(case: Case) -> Iterator[Issue]:
     moving, end = case.dynamics, case.steps.last
     if moving is None:
         for record in case.initial:
-            yield record.wrong("means something only with [dynamics]; add that section, or leave this one out")
+            yield record.wrong("has an effect only with [dynamics]; add that section, or remove this one")
         return
     for material in case.material:
         if material.density == 0.0:
             groups = ", ".join(map(repr, material.groups or ()))
             where = f"the cells of {groups}" if groups else "the cells"
-            yield material.wrong(f"needs a density, for {where} have a mass with [dynamics]")
+            yield material.wrong(f"needs a density, since [dynamics] needs the mass of {where}")
     beta, gamma, start = moving.beta, moving.gamma, moving.start
     if moving.scheme == "newmark" and not 0.5 <= gamma <= 2 * beta:
-        message = f"and gamma are {beta:g} and {gamma:g}, which is not stable"
-        yield moving.wrong(f"{message}; take gamma >= 1/2 and beta >= gamma / 2", "beta")
+        message = f"and gamma are {beta:g} and {gamma:g}, which is unstable"
+        yield moving.wrong(f"{message}; use gamma >= 1/2 and beta >= gamma / 2", "beta")
     if start >= end:
-        yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; inertia must act in some of them", "start")
+        yield moving.wrong(f"is {start:g}, and the steps end at {end:g}; choose an earlier time", "start")
     for record in case.initial:
         if record.has("centre") and not record.has("rotation"):
-            yield record.wrong("means something only with rotation; give that, or leave it out", "centre")
+            yield record.wrong("has an effect only with rotation; give that, or remove this key", "centre")
         for name in [n for n in ("ux", "uy", "uz") if start and record.has(n)]:
-            message = f"means something only with start = 0, and dynamics.start is {start:g}"
-            yield record.wrong(f"{message}: the static steps before give the displacement", name)
+            message = f"has an effect only with start = 0, and dynamics.start is {start:g}"
+            yield record.wrong(f"{message}: the static steps before it give the displacement", name)
 
 
 def _inertia(case: Case) -> Iterator[Issue]:
@@ -355,12 +365,12 @@ def _inertia(case: Case) -> Iterator[Issue]:
     for record in [record for record in case.rigid if record.inertia is not None]:
         inertia = record.inertia
         if not record.has("mass"):
-            yield record.wrong("needs the mass that it is of; give mass too", "inertia")
+            yield record.wrong("needs a mass; give mass too", "inertia")
         if space != isinstance(inertia, tuple):
             words = "is one number; in 3d it is three" if space else "is three numbers; in a plane it is one"
             yield record.wrong(words, "inertia")
         elif isinstance(inertia, tuple) and not 2 * max(inertia) <= sum(inertia) * (1 + 1e-9):
-            yield record.wrong("has a moment larger than the sum of the other two, as no body has", "inertia")
+            yield record.wrong("has a moment larger than the sum of the other two, which no body can have", "inertia")
 
 
 RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (

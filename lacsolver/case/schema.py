@@ -42,7 +42,7 @@ def _section_text(record: Any) -> Iterator[str]:
         default = told_default(key, defaults_of(record)[name])
         words = "one of these" if key.kind.options else key.kind.words
         takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
-        without = default if default == "required" else f"default {default}" if default else "optional"
+        without = default if default.startswith("required") else f"default: {default}" if default else "optional"
         yield textwrap.fill(
             f"{key.text}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
         )

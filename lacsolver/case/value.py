@@ -177,7 +177,7 @@ def _table(given: Sequence[Any]) -> TimeTable:
         except Mistake as mistake:
             raise Mistake(f"has an entry in its table of times that {mistake.message}", (k,)) from None
         if rows and t <= rows[-1][0]:
-            raise Mistake(f"has time {t:g} after {rows[-1][0]:g} in its table; times increase", (k,))
+            raise Mistake(f"has time {t:g} after {rows[-1][0]:g} in its table; times must increase", (k,))
         rows.append((t, v))
     return tuple(rows)
 

@@ -19,7 +19,7 @@ Rows = tuple[tuple[float, float], ...]
 def _increasing(times: tuple[float, ...]) -> tuple[float, ...]:
     for k, (before, after) in enumerate(pairwise(times)):
         if after <= before:
-            raise Mistake(f"has {after:g} after {before:g}; times increase", (k + 1,))
+            raise Mistake(f"has {after:g} after {before:g}; times must increase", (k + 1,))
     return times
 
 
@@ -40,7 +40,7 @@ def varying(*, place: bool = True, normals: bool = False, least: str = "", infin
             return Value(inf)
         source = value_from(given)
         if not place and isinstance(source, Formula) and source.variables & {"x", "y", "z"}:
-            raise Mistake("depends on x, y or z; it is one value for a whole body, so write a formula of t")
+            raise Mistake("depends on x, y or z, and is one value for a whole body; write a formula of t")
         numbers = [v for _, v in source] if isinstance(source, tuple) else [source]
         low = [v for v in numbers if isinstance(v, (int, float)) and (v < 0 or (least == "> 0" and v == 0))]
         if least and low:
@@ -67,7 +67,7 @@ def _weights(given: Any) -> Value | Rows:
     if not isinstance(given, (list, tuple)):
         value: Value = VALUE.before(given)
         if isinstance(value.source, Formula) and "t" in value.source.variables:
-            raise Mistake("depends on t; weights are of the undeformed nodes")
+            raise Mistake("depends on t, and weights are those of the undeformed nodes; write a formula of x, y, z")
         return value
     if not given:
         raise Mistake(f"is an empty list; it takes {WEIGHTS.words}")
@@ -120,7 +120,9 @@ def _rotation(given: Any) -> tuple[Value | str, ...]:
 def _other_rotation(values: Sequence[Any], dim: int) -> str:
     if len(values) == (3 if dim == 3 else 1):
         return ""
-    return "is one value; in 3d it is a vector of three" if dim == 3 else "is a vector; in a plane it is one value"
+    return (
+        "is one value; a 3d model needs a vector of three" if dim == 3 else "is a vector; a plane model needs one value"
+    )
 
 
 _VECTOR = {"anyOf": [*(VALUE_OF_TIME.schema or {})["anyOf"], schema_of(_THREE_VALUES)]}
@@ -134,11 +136,11 @@ def _yield_stresses(rows: Rows) -> Rows:
     for k, (stress, strain) in enumerate(rows):
         before = rows[k - 1] if k else None
         if not stress > 0:
-            raise Mistake(f"has the yield stress {stress:g}; yield stresses are above 0", (k,))
+            raise Mistake(f"has the yield stress {stress:g}; yield stresses must be above 0", (k,))
         if before is None and strain != 0:
-            raise Mistake(f"begins at a plastic strain of {strain:g}; the first row is the first yield, at 0", (k,))
+            raise Mistake(f"begins at a plastic strain of {strain:g}; the first row must be at 0", (k,))
         if before is not None and strain <= before[1]:
-            raise Mistake(f"has the plastic strain {strain:g} after {before[1]:g}; plastic strains grow", (k,))
+            raise Mistake(f"has the plastic strain {strain:g} after {before[1]:g}; plastic strains must increase", (k,))
         if before is not None and stress < before[0]:
             falls = f"falls from {before[0]:g} to {stress:g}; a metal that softens is not available"
             raise Mistake(f"{falls}, since its results depend on the size of the cells", (k,))
@@ -147,10 +149,12 @@ def _yield_stresses(rows: Rows) -> Rows:
 
 def _rising(rows: Rows) -> Rows:
     if rows[0][0] != 0:
-        raise Mistake(f"begins with the pressure {rows[0][0]:g}; begin where the pressure does, at 0", (0,))
+        raise Mistake(f"begins with the pressure {rows[0][0]:g}; the first pressure must be 0", (0,))
     for k, ((p, overlap), (more, further)) in enumerate(pairwise(rows)):
         if more <= p or further <= overlap:
-            message = f"goes from [{p:g}, {overlap:g}] to [{more:g}, {further:g}]; pressure and overlap both grow"
+            message = (
+                f"goes from [{p:g}, {overlap:g}] to [{more:g}, {further:g}]; pressure and overlap must both increase"
+            )
             raise Mistake(message, (k + 1,))
     return rows
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lacmesh.cli.program import Program, Run
 from lacmesh.errors import LacmeshError
-from lacsolver.cli.cases import example, import_, new, schema, validate
+from lacsolver.cli.cases import docs, example, import_, new, schema, validate
 from lacsolver.cli.exporting import export
 from lacsolver.cli.options import EPILOG
 from lacsolver.cli.pictures import film, plot, report
@@ -31,7 +31,7 @@ PROGRAM = Program(
     "lacsolver",
     "Solve contact problems with the Local Average Contact method. A case file describes the problem.",
     EPILOG,
-    (example, new, run_command, validate, import_, modes, film, plot, report, export, matrices, schema),
+    (example, new, run_command, validate, import_, modes, film, plot, report, export, matrices, schema, docs),
     error_lines=_error_lines,
     too_large="there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "
     '"multigrid"',

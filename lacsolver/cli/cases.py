@@ -1,4 +1,4 @@
-"""`lacsolver example`, `new`, `import`, `validate` and `schema`: case files."""
+"""`lacsolver example`, `new`, `import`, `validate` and `schema`: case files; `docs`: pages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from lacmesh.cli.files import Folder, Name, offer
+from lacmesh.cli.files import Folder, Name, Page, PathOnly, offer, open_page
 from lacmesh.cli.options import Force
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, print_json, print_table
@@ -41,6 +41,15 @@ def example(name: Name = None, *, folder: Folder = ".", force: Force = False, ru
     from lacmesh.examples import CASES
 
     offer(CASES, name, folder, force=force)
+
+
+def docs(page: Page = "README", *, path: PathOnly = False, run: Run) -> None:
+    """Open a page of the documentation in the browser.
+
+    $ lacsolver docs case
+    $ lacsolver docs solver --path
+    """
+    open_page(page, path_only=path)
 
 
 def new(
@@ -144,7 +153,7 @@ def validate(case: CaseFile, *, run: Run) -> None:
     with stage("read"):
         record = read_case(case)
         mesh = mesh_of(record)
-    with stage("look"):
+    with stage("check"):
         validation = validation_of(record, mesh)
     if not run.quiet:
         print_table(("case", ""), _validation_rows(record, validation))

@@ -34,7 +34,7 @@ def _rows(results: Results, axisymmetric: bool) -> Iterator[tuple[str, ...]]:
     last = results.steps[-1] if results.steps else None
     for zone, figures in last.contact.items() if last else ():
         yield ()
-        yield "zone", zone
+        yield "contact", zone
         slave, master, why = results.roles.get(zone, ("", "", ""))
         if why:
             yield "slave chosen", f"{slave}, with master {master}: {why}"
@@ -111,7 +111,7 @@ def _zone(zone: ZoneFigures, axisymmetric: bool) -> Iterator[tuple[str, str]]:
     yield "contact area", f"{zone.contact_area:.6g}"
     yield "force on the slave", _force(zone.resultant, axisymmetric)
     if not axisymmetric:  # a ring has none
-        yield "its moment", _vector(zone.moment)
+        yield "moment on the slave", _vector(zone.moment)
     if zone.friction is not None:
         rubbing = zone.friction
         states = f"{rubbing.sticking:,} macro-elements stick, {rubbing.sliding:,} slide"

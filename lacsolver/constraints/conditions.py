@@ -118,7 +118,7 @@ def _skin(space: Space, record: Displacement) -> Surface | None:
         raise wrong(record, str(error)) from None
     loose = surface.cell[np.isnan(surface.depth)]
     if len(loose):
-        message = f"cells {mesh.cell_names(loose)} do not have just one cell of the body behind them"
+        message = f"cells {mesh.cell_names(loose)} do not have exactly one cell of a body behind them"
         raise wrong(record, f"{message}, so that their outward normal is unknown; prescribe ux, uy, uz, or name a skin")
     return surface
 

@@ -347,10 +347,8 @@ def equations_of(space: Space, case: Case) -> Iterator[Equations]:
         if record.kind == "rigid" and not is_body(record):
             one = _Followed.of(space, record, case.kinematics == "finite")
             if one.finite and one.motion.turns_freely:
-                message = (
-                    "a rigid coupling with components or axes turns by finite rotations only as they are prescribed"
-                )
-                raise wrong(record, f"{message}; give its rotation about all axes, or leave components and axes out")
+                message = "a rigid coupling with components or axes needs prescribed finite rotations"
+                raise wrong(record, f"{message}; give its rotation about all axes, or remove components and axes")
             yield one.equations(space)
 
 
@@ -463,7 +461,7 @@ def _free_motions(record: Coupling, motion: PointMotion, by_motion: Floats) -> I
         [k for k in range(len(size)) if motion.moved[k] is None and size[k] > _STILL * size.max()], np.int64
     )
     if len(free) and np.linalg.matrix_rank(by_motion[:, free], tol=_STILL * size.max()) < len(free):
-        message = "its nodes are one point or on one line, or have too few components, so that a motion moves none"
+        message = "its nodes are on one line, or have too few components, so that some motion of the point moves none"
         raise wrong(record, f"{message}; prescribe its rotation, or name more nodes")
     return free
 

@@ -55,7 +55,7 @@ def equations_of(space: Space, case: Case) -> Iterator[Equations]:
         if record.matching:
             pairs = _matching(space.mesh, record, turn_of(record, space.dim))
             if pairs is None:
-                message = "its sides matched before slaves were cut, and do not now"
+                message = "its sides matched before the slaves were cut, and no longer match"
                 raise wrong(record, f"{message}; let slaves end before the sides, or cut them alike on both")
             yield _equations(space, record, *pairs)
 
@@ -82,7 +82,7 @@ def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:
     best = int(np.argmin([d.mean() for d in away]))
     apart = _about_axis(record, dim, x_s, turned[best])
     if not apart <= _APART * max(_spacing(x_s), _spacing(x_m)):
-        message = f"turned by {360 / record.sectors:g} degrees, master {record.master!r} is {apart:.4g} away"
+        message = f"rotated by {360 / record.sectors:g} degrees, master {record.master!r} is {apart:.4g} away"
         advice = "check sectors, axis and origin, and which groups are the sides of the sector"
         raise wrong(record, f"{message} from slave {record.slave!r}; {advice}")
     turned_record = record.altered(angle=angles[best])

@@ -241,8 +241,10 @@ def _check_turning(plain: Constraints, equations: tuple[Equations, ...], times: 
             rows = rows[_turned(plain.space, body, csr_array(one.C[rows]), times)]
             if len(rows):
                 message = f"{one.said(int(rows[0]))} has a node of rigid {body.name!r}, which turns freely"
-                message = f"{message} by finite rotations; prescribe its rotation, about all axes but one along which "
-                raise CaseError([Issue(f"{message}the nodes are held, or take the nodes out")])
+                message = (
+                    f"{message} by finite rotations; prescribe its rotation about all axes except one, along which "
+                )
+                raise CaseError([Issue(f"{message}the nodes are constrained, or remove the nodes")])
 
 
 def _turned(space: Space, body: RigidBody, C: csr_array, times: list[float]) -> NDArray[np.bool_]:

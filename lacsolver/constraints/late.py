@@ -140,9 +140,8 @@ def _held_already(constraints: Constraints, own: LateSupport, times: Sequence[fl
             local = constraints.local
             before = [part.record for part in local.parts if node in part.nodes]
             other = said(before[0]) if before else "an equation"
-            message = (
-                f"at t = {t:g} it contradicts {other}, which holds node {space.mesh.node_number[node]} from the start"
-            )
+            number = space.mesh.node_number[node]
+            message = f"at t = {t:g} it contradicts {other}, which constrains node {number} from the start"
             raise wrong(own.record, f"{message}; leave one out, or make them agree")
     return fixed
 
@@ -160,8 +159,8 @@ def _held_by_others(own: LateSupport, earlier: Sequence[LateSupport]) -> NDArray
         other = earlier[int(owner[there[-1]])]
         if not _agree(own, other, names[k]):
             number = own.space.mesh.node_number[local.node[start + k]]
-            message = f"node {number} has its {names[k]} by {said(other.record)} too, with another begin, value or axes"
-            raise wrong(own.record, f"{message}; leave one out, or make them agree")
+            message = f"{names[k]} of node {number} is prescribed by {said(other.record)} too, with other values, begin"
+            raise wrong(own.record, f"{message} or axes; leave one out, or make them agree")
     return np.asarray(dropped)
 
 

@@ -78,7 +78,7 @@ def _check_apart(constraints: Constraints, rows: tuple[EqualityRows, ...]) -> No
     at = np.repeat(np.arange(len(rows)), [part.shape[0] for part in parts])[moved[sharing]]
     named = np.unique(at[np.abs(way[:, 0]) > _SHARE * np.abs(way[:, 0]).max()])
     last, others = rows[named[-1]].record, " and ".join(in_words(rows[k].record) for k in named[:-1])
-    message = f"what it holds follows from {others or 'another part of it'}, or contradicts it"
+    message = f"its constraints follow from {others or 'another part of it'}, or contradict it"
     raise wrong(last, f"{message}; leave one out")
 
 

@@ -213,7 +213,7 @@ def section_of(space: Space, record: Pretension) -> BoltSection:
         message = (
             f"its sides share nodes {some(mesh.node_number[shared], limit=8)}, where the faces end inside the body"
         )
-        advice = "a bolt is shortened at faces that go all through it; add those that are missing"
+        advice = "the faces must divide the bolt completely; add the missing ones"
         raise wrong(record, f"{message}: {advice}")
     n, centre = _normal(space, record, faces[0]), _centre(mesh, faces[0])
     pairs = None if _is_cut(mesh, record) else _partners(mesh, *faces)

@@ -282,7 +282,8 @@ def _check_moves(space: Space, body: RigidBody) -> None:
         one = space.dim == 2 or not space.extent_of(body.nodes[own])
         message = f"the nodes of {body.name!r} are {'one point' if one else 'on one line'}"
         raise wrong(
-            body.record, f"{message}, so that a free rotation moves none; leave moment out, and the rotation is held"
+            body.record,
+            f"{message}, so that a free rotation moves none of them; remove moment, and the rotation is fixed",
         )
 
 

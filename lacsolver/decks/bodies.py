@@ -152,7 +152,7 @@ def rotary_inertia(import_: Import, card: Card) -> None:
     """Take the moments of inertia of each element of type ROTARYI in a set, about axes along x, y and z."""
     row = card.single("the moments of inertia")
     if any(row.numbers(3, 3, "a product of inertia", 0.0)):
-        raise Refused("products of inertia are not taken; lacsolver has moments about axes along x, y and z", row)
+        raise Refused("products of inertia are not supported; lacsolver has moments about axes along x, y and z", row)
     _add_mass(import_, card, 0.0, tuple(row.numbers(0, 3, "a moment of inertia", 0.0)))
 
 

@@ -120,7 +120,7 @@ class Card:
     def needed(self, name: str) -> str:
         """Return the value of an option as written. Raises Refused if the card does not have it."""
         if not self.options.get(name, "").strip('" '):
-            raise Refused(f"it should say {name}=name")
+            raise Refused(f"the option {name}=name is missing")
         return self.options[name]
 
     def number(self, name: str, default: float | None = None) -> float:
@@ -137,14 +137,14 @@ class Card:
         """Return the only data line, or the first of equal ones. Raises Refused for values of several temperatures."""
         row = self.first(what)
         if len({one.fields[:-1] for one in self.rows}) > 1:
-            raise Refused(f"{what} that depend on temperature are not taken; give one line", self.rows[1])
+            raise Refused(f"{what} that depend on temperature are not supported; give one line", self.rows[1])
         return row
 
     def table(self, *what: str, blank: float | None = None) -> list[list[float]]:
         """Return rows of two numbers at one temperature; `blank`: the second where it is blank. Raises Refused."""
         self.first(f"{what[0]} and {what[1]}")
         if len({row.number(2, "the temperature", 0.0) for row in self.rows}) > 1:
-            raise Refused("values that depend on temperature are not taken; give those of one", self.rows[-1])
+            raise Refused("values that depend on temperature are not supported; give those of one", self.rows[-1])
         return [[row.number(0, what[0]), row.number(1, what[1], blank)] for row in self.rows]
 
 

@@ -48,7 +48,7 @@ def behavior(import_: Import, card: Card) -> None:
     if kind in ("LINEAR", "TIED"):
         which.stiffness, which.tied = {-1: card.first(_STIFFNESS).positive(0, _STIFFNESS)}, kind == "TIED"
         if which.tied:
-            import_.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
+            import_.note(card, "tied surfaces become a [[tie]], without the stiffness")
     elif kind == "EXPONENTIAL":
         which.curve = _exponential(import_, card)
     elif kind == "TABULAR":
@@ -109,7 +109,7 @@ def damping(import_: Import, card: Card) -> None:
     row = card.single("the damping coefficient")
     value = row.number(0, "the damping coefficient")
     if value < 0 or row.number(1, "the clearance without damping", 0.0):
-        raise Refused("the coefficient should not be negative, and acts where surfaces overlap: give it alone", row)
+        raise Refused("the line should be one coefficient that is not negative", row)
     import_.interaction.damping = value, card
 
 
@@ -134,7 +134,7 @@ def friction(import_: Import, card: Card) -> None:
     which.friction[now] = value
     slope = row.number(1, "the stick slope", 0.0)
     if value and slope and not which.tied:
-        import_.note(card, f"its stick slope of {slope:g} is not needed: what sticks does not slip at all here", row)
+        import_.note(card, f"its stick slope of {slope:g} is not needed: sticking points do not slip in lacsolver", row)
 
 
 # ---- pairs
@@ -161,7 +161,7 @@ def _adjust(import_: Import, card: Card, row: DeckLine) -> float:
         slave = _surface(import_, import_.names.skin(row.fields[0], row)[1]).faces.distinct_nodes
         if np.isin(slave, chosen).all():
             return _far(import_)
-        message = f"ADJUST={text} has some nodes of the slave alone, and lacsolver moves those within a distance"
+        message = f"ADJUST={text} has some slave nodes only, and lacsolver moves all nodes within a distance"
         raise Refused(f"{message}; give that, as ADJUST=0.01")
     distance = card.number("ADJUST")
     if distance < 0:
@@ -211,7 +211,7 @@ def model_change(import_: Import, card: Card) -> None:
     if card.word("TYPE") != "CONTACTPAIR":
         raise Lacking("elements are there in all steps; leave out the steps without them")
     if ("ADD" in card.options) == ("REMOVE" in card.options):
-        raise Refused("it should say either ADD or REMOVE")
+        raise Refused("the option ADD or REMOVE is missing")
     for row in card.rows:
         slave, master = row.two_skins()
         names = key_of(slave), key_of(master)
@@ -347,7 +347,9 @@ def _friction(import_: Import, law: Interaction) -> dict[str, Any]:
         return {}
     value = _from_step_on(import_, {-1: 0.0} | law.friction)
     if isinstance(value, list) and any(one == math.inf for _, one in value):
-        raise Refused("surfaces that are ROUGH in some steps alone are not taken; give a coefficient", None, law.card)
+        raise Refused(
+            "surfaces that are ROUGH in some steps only are not supported; give a coefficient", None, law.card
+        )
     return {"friction": value} | ({} if law.shear_limit is None else {"shear_limit": law.shear_limit})
 
 
@@ -360,7 +362,7 @@ def _damping(import_: Import, law: Interaction) -> dict[str, Any]:
         import_.note(card, "damping of contact has no effect without *DYNAMIC, and is left out")
         return {}
     if not (law.stiffness or law.curve):
-        message = "hard contact is rigid in lacsolver, without an overlap that damping could act on"
+        message = "hard contact is rigid in lacsolver, so there is no overlap for the damping"
         raise Refused(f"{message}; give *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", None, card)
     return {"damping": value}
 

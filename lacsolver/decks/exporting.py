@@ -77,7 +77,7 @@ class Export:
 
     def lack(self, record: Any, message: str, key: str | None = None) -> None:
         """Add what CalculiX has not."""
-        self.lacks.append(record.wrong(f"has no place in a deck of CalculiX: {message}", key))
+        self.lacks.append(record.wrong(f"cannot be written for CalculiX: {message}", key))
 
     def node_set(self, record: Any) -> str:
         """Return the name of the set of nodes of a record: of its group, or the node at its place."""
@@ -122,7 +122,7 @@ class Export:
             try:
                 out.append((key, *self.over_time(value)))
             except ValueError:
-                self.lack(record, "it depends on the place", key)
+                self.lack(record, "the value depends on the place", key)
         return out
 
 
@@ -137,10 +137,10 @@ def export_deck(case: Case, path: str | Path, *, mesh: Mesh | None = None, parti
     for (section, *_), record in case.records():
         handler, keys = HANDLERS.get(str(section), (None, ""))
         if handler is None:
-            export.lack(record, "lacsolver writes no cards for it")
+            export.lack(record, "the export has no cards for this section")
             continue
         for key in set(record.told()) - {*keys.split(), *_OWN}:
-            export.lack(record, "lacsolver writes no card for it", key)
+            export.lack(record, "the export has no card for this key", key)
         handler(export, record)
     if export.lacks and not partial:
         raise CaseError(export.lacks, case.path)
@@ -185,16 +185,16 @@ def _material(export: Export, record: Material) -> None:
     elif record.law == "neo_hookean" and isinstance(record.young, float) and isinstance(record.poisson, float):
         shear, bulk = record.young / (2 + 2 * record.poisson), record.young / (3 - 6 * record.poisson)
         cards.append(_card("HYPERELASTIC, NEO HOOKE", (shear / 2, 2 / bulk)))
-        export.notes.append("[[material]]: NEO HOOKE has another energy of the change of volume than neo_hookean")
+        export.notes.append("[[material]]: NEO HOOKE has another volumetric energy than neo_hookean")
     else:
-        export.lack(record, f"CalculiX has another energy than the law {record.law}", "law")
+        export.lack(record, f"CalculiX has no law with the energy of {record.law}", "law")
     if record.hardening:
         rows: Any = record.hardening
         if record.kinematic:
             rows = [(rows[0][0], 0.0), (rows[0][0] + record.kinematic, 1.0)]
         cards.append(_card("PLASTIC, HARDENING=KINEMATIC" if record.kinematic else "PLASTIC", *rows))
         if record.kinematic and len(record.hardening) > 1:
-            export.lack(record, "it hardens both ways at once", "kinematic")
+            export.lack(record, "the export has no combined isotropic and kinematic hardening", "kinematic")
     if record.density:
         cards.append(_card("DENSITY", (record.density,)))
     if record.expansion:
@@ -202,7 +202,7 @@ def _material(export: Export, record: Material) -> None:
         cards.append(_card(f"EXPANSION{kind}", _three(record.expansion) if kind else (record.expansion,)))
     thickness = export.case.thickness if export.case.model.startswith("plane") else None
     if isinstance(thickness, dict):
-        export.lack(record, "a section has one thickness: give each its material")
+        export.lack(record, "a section of CalculiX has one thickness: give each thickness its own material")
     thick = [] if export.mesh.dim == 3 else [(thickness if isinstance(thickness, float) else 1.0,)]
     for group in record.groups or ("",):
         own = label(group) if group else "E_ALL"
@@ -224,7 +224,7 @@ def _check_cells(export: Export, record: Contact | Tie) -> None:
     """Raise CaseError for a surface without cells behind it, which would be elements of the deck."""
     for name in record.surfaces or (record.slave, record.master):
         if np.isnan(Surface.of(export.mesh, export.mesh.cell_groups[name]).depth).any():
-            message = f"{name!r} has faces without a cell behind them, of which CalculiX has no contact"
+            message = f"{name!r} has faces without a cell behind them, on which CalculiX has no contact"
             raise CaseError([record.wrong(f"{message}; give them cells")], export.case.path)
 
 
@@ -238,15 +238,15 @@ def _contact(export: Export, record: Contact) -> None:
     young = max((float(np.max(one.young)) for one in export.case.material if one.young is not None), default=1.0)
     stiffness = PENALTY * young / size
     if record.type != "unilateral":
-        export.lack(record, "contact can open there", "type")
+        export.lack(record, "all contact of CalculiX can open", "type")
     if record.stiffness is not None:
         stiffness = _constant(export, record, "stiffness")
     elif record.law == "linear":
-        message = f"contact {record.name} is rigid in lacsolver: the deck has a pressure per overlap of {stiffness:.3g}"
-        export.notes.append(message)
+        message = f"contact {record.name} is rigid in lacsolver; in the deck it has the penalty {stiffness:.3g}"
+        export.notes.append(f"{message}, a pressure per overlap")
     rows: list[tuple[float, ...]] = list(record.pressures or ())
     if record.law == "exponential":
-        export.lack(record, "its exponential law is another one", "law")
+        export.lack(record, "CalculiX has another exponential law", "law")
     kind = "TABULAR" if rows else "LINEAR"
     cards = [
         _card(f"SURFACE INTERACTION, NAME=I{number}"),
@@ -254,7 +254,7 @@ def _contact(export: Export, record: Contact) -> None:
     ]
     if friction := _constant(export, record, "friction"):
         if friction == float("inf"):
-            export.lack(record, "surfaces slide there", "friction")
+            export.lack(record, "the export has no contact without slip", "friction")
         cards.append(_card("FRICTION", (friction, _STICK * stiffness)))
     adjust = "" if record.adjust is None else f", ADJUST={record.adjust!r}"
     head = f"CONTACT PAIR, INTERACTION=I{number}, TYPE=SURFACE TO SURFACE{adjust}"
@@ -268,7 +268,7 @@ def _clearance(export: Export, record: Contact, slave: str, master: str) -> None
     zones = {zone.name: zone.gap for zone in validate(export.case, export.mesh).zones}
     gap = even_gap(zones.get(record.name, (np.nan, np.nan)), export.mesh)
     if gap is None:
-        export.lack(record, "a clearance replaces the gap of the mesh there, which is not even", "clearance")
+        export.lack(record, "in CalculiX a clearance replaces the gap of the mesh, and this gap varies", "clearance")
     else:
         export.model.append(_card(f"CLEARANCE, MASTER={master}, SLAVE={slave}, VALUE={gap!r}"))
 
@@ -277,7 +277,7 @@ def _constant(export: Export, record: Contact, key: str) -> float:
     """Return a value of a contact, the first one, which it should be at all places and times."""
     value = getattr(record, key)
     if value.depends_on_place or value.depends_on_time:
-        export.lack(record, "it changes, and is constant there", key)
+        export.lack(record, "the value varies, and CalculiX takes a constant", key)
         return 0.0
     return value.at(0.0)
 
@@ -314,7 +314,7 @@ def _force(export: Export, record: Force) -> None:
 def _pressure(export: Export, record: Pressure) -> None:
     """Add a pressure on a surface; with NLGEOM it follows its faces."""
     if export.case.kinematics == "finite" and not record.follower:
-        export.lack(record, "with NLGEOM a pressure follows its faces: say follower = true")
+        export.lack(record, "with NLGEOM a pressure follows its faces: set follower = true")
     for _, value, option in export.acting(record, ("value",)):
         if option:
             export.loads.append(_card(f"DSLOAD{option}", (label(record.group), "P", value)))
@@ -331,7 +331,7 @@ def _gravity(export: Export, record: Any) -> None:
 def _rigid(export: Export, record: Rigid) -> None:
     """Add a rigid body, with nodes for its place and its rotation. A body of a plane model turns about z."""
     if export.case.model == "axisymmetric":
-        export.lack(record, "a rigid body of a full circle")
+        export.lack(record, "the export has no axisymmetric rigid bodies")
         return
     name, dim = export.node_set(record), export.mesh.dim
     nodes = export.nodes[name]
@@ -371,7 +371,7 @@ def _listed(values: Any, dim: int) -> list[Any]:
 def _spring(export: Export, record: Spring) -> None:
     """Add springs from nodes to the ground."""
     if record.to is not None or export.case.model == "axisymmetric":
-        export.lack(record, "springs are between nodes and the ground, and not of a full circle")
+        export.lack(record, "the export has springs from nodes to the ground only, and none in axisymmetry")
         return
     nodes = export.mesh.node_number[export.nodes[export.node_set(record)]].tolist()
     for key in ("kx", "ky", "kz"):

@@ -219,7 +219,7 @@ def _history(steps: Sequence[DeckStep], order: Order, start: float) -> Points:
         elif last is not None and last[1].total:
             part = _sampled(step, *last)
         elif last is not None and len({factor for _, factor in last[1].rows}) > 1:
-            raise Refused("loads whose amplitude counts the time of a step should be repeated in the later steps")
+            raise Refused("loads whose amplitude counts the time of a step must be repeated in the later steps")
         else:
             part = [(step.end, points[-1][1])]
         if part[0][0] <= step.begin and part[0][1] != points[-1][1]:  # a jump at the beginning of the step

@@ -314,7 +314,7 @@ class Import:
         for card in [] if adds else [cards[step] for step in orders.removed]:
             row = card.rows[0] if card.rows else None
             with self.taking(card):
-                raise Refused("what OP=NEW removes stays in lacsolver; repeat it in this step", row)
+                raise Refused("lacsolver cannot remove what OP=NEW removes here; repeat it in this step", row)
         return orders
 
     def history(self, kind: str, node: int, c: int) -> Points | None:
@@ -325,7 +325,7 @@ class Import:
         orders = self.orders(kind, lines)
         late = [k for k in range(len(orders.label)) if any(orders.order_of(k, 0)) and orders.order_of(k, 0)[0] is None]
         if kind in ("displacement", "spin") and late:
-            message = "this motion of a reference node begins after the first step, and lacsolver's from the beginning"
+            message = "this motion of a reference node begins after the first step; lacsolver's begin with the first"
             line = orders.line_of(0, late[0])
             message += "; prescribe it in the first step too, or compute the steps apart"
             raise Refused(message, line.row, line.card)
@@ -390,7 +390,7 @@ class Import:
         self.tell("warning", card, message, row)
 
     def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
-        """Add what would change the answer, and is not taken."""
+        """Add what would change the answer, and is not supported."""
         self.tell("error", card, message, row)
 
 

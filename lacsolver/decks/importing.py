@@ -109,7 +109,9 @@ def _take(import_: Import, card: Card) -> None:
         handler, takes, ignores = HANDLERS[card.key]
         others = [name for name in card.options if name not in (*takes.split(), *ignores.split())]
         if others:
-            raise Refused(f"the option {', '.join(others)} is not taken; take it out if the answer does not hang on it")
+            raise Refused(
+                f"the option {', '.join(others)} is not supported; remove it if the answer does not depend on it"
+            )
         handler(import_, card)
     elif card.key in NOTES:
         import_.note(card, NOTES[card.key])

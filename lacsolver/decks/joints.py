@@ -361,7 +361,7 @@ def _couple(
 
 
 def _acting(import_: Import, reference: int, keys: dict[str, Any]) -> dict[str, Any]:
-    """Return motions and loads at the reference node of a coupling. Raises Refused for rotations that are not taken."""
+    """Return motions and loads at the reference node of a coupling. Raises Refused for other rotations."""
     if import_.axes_at(reference) is not None:
         raise Refused("the reference node of a coupling has the axes of the mesh; take its *TRANSFORM out")
     if keys.get("axes") and any(motion(import_, reference, c) for c in range(3)):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import some
+from lacmesh.errors import on_page, some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Card, DeckLine, Refused
 from lacsolver.decks.histories import JUMP, Assigned, Orders, Points, scaled, written
@@ -28,7 +28,7 @@ MOST_PROBES = 20
 def _now(import_: Import, card: Card, *kinds: str) -> int:
     """Return the number of the step, -1 before the first; OP=NEW removes what earlier steps say of some kinds."""
     if import_.steps and not import_.in_step:
-        raise Refused("it stands between two steps; move it into one, between *STEP and *END STEP")
+        raise Refused("it is between two steps; move it into a step, between *STEP and *END STEP")
     now = len(import_.steps) - 1 if import_.in_step else -1
     if card.word("OP") == "NEW":
         for kind in kinds:
@@ -149,7 +149,7 @@ def initial_conditions(import_: Import, card: Card) -> None:
     """Take temperatures without strain, and the velocities with which nodes begin to move."""
     kind = card.word("TYPE")
     if kind not in ("TEMPERATURE", "VELOCITY"):
-        raise Refused(f"initial conditions of type {kind or '(none)'} are not taken; TEMPERATURE and VELOCITY are")
+        raise Refused(f"initial conditions of type {kind or '(none)'} are not supported; TEMPERATURE and VELOCITY are")
     for row in card.rows:
         nodes = import_.names.nodes(row.text(0), row)
         if kind == "TEMPERATURE":
@@ -179,8 +179,8 @@ def node_print(import_: Import, card: Card) -> None:
     if "RF" in wanted:
         parts.append("RF: results.json has the reactions of each support")
     if others := sorted(wanted - {"U", "RF"}):
-        parts.append(f"{', '.join(others)}: see docs/output.md for what a run writes")
-    import_.note(card, "; ".join(parts) or "nothing is asked for")
+        parts.append(f"{', '.join(others)}: see {on_page('output')} for what a run writes")
+    import_.note(card, "; ".join(parts) or "it requests nothing")
 
 
 # ---- records of supports and forces
@@ -232,8 +232,8 @@ def _by_begin(
             continue
         step, line = import_.steps[k], prescribed.line_of(at, min(own))
         if step.begin >= import_.ramped and step.alpha is not None:
-            message = "this support begins in a step of *DYNAMIC, and what moves would stop at once"
-            raise Refused(f"{message}; hold it from the start, or in a static step before", line.row, line.card)
+            message = "this support begins in a step of *DYNAMIC, and moving nodes would stop abruptly"
+            raise Refused(f"{message}; apply it from the start, or in a static step before", line.row, line.card)
         jumps = step.sudden or any(given and given[1] for given in (orders[c][k] for c in own))
         reached = step.begin + JUMP * step.period if jumps else step.end
         yield line, {"begin": step.begin, "reached": reached}, own
@@ -252,7 +252,7 @@ def _add_held(import_: Import, prescribed: Orders) -> None:
             orders = [prescribed.orders[k] for k in np.unique(label[list(line.components)]).tolist() if k >= 0]
             moved = any(any(order[line.step :]) or any(one and one[1] for one in order) for order in orders)
             if moved or step.alpha is not None:
-                message = "FIXED holds nodes that this step or a later one moves, or that an amplitude or a motion does"
+                message = "FIXED constrains nodes that this or a later step, an amplitude or a motion moves"
                 raise Refused(f"{message}; write their displacement", line.row, line.card)
             for c in (c for c in line.components if c < import_.dim):
                 free = np.setdiff1d(line.items, np.append(there[label[c] >= 0], stay[c]))
@@ -280,7 +280,7 @@ def forces(import_: Import) -> None:
     for line in (*import_.lines("moment"), *import_.lines("spin")):
         with import_.taking(line.card):
             if line.value and not np.isin(line.items, import_.references).all():  # a rotation of 0 has no meaning there
-                message = "only the reference node of a *RIGID BODY or a *COUPLING turns"
+                message = "only the reference node of a *RIGID BODY or a *COUPLING has rotations"
                 raise Refused(f"{message}; nodes of solid elements do not", line.row)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacmesh.errors import some
+from lacmesh.errors import on_page, some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case import CaseError, Material
 from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
@@ -47,13 +47,13 @@ def hyperelastic(import_: Import, card: Card) -> None:
     """Take a neo-Hookean law; the other forms have no place in lacsolver."""
     if "NEOHOOKE" not in card.options:
         form = next((k for k in card.options if k not in ("N", "MODULI")), "MOONEY-RIVLIN")
-        raise Refused(f"lacsolver has NEO HOOKE of the hyperelastic laws, and not {form}; fit that one")
+        raise Refused(f"the hyperelastic law NEO HOOKE is supported, and {form} is not; fit NEO HOOKE to your data")
     keys = _without_law(import_)
     keys |= {"law": "neo_hookean", **rubber(card.single("C10 and D1"))}
     import_.warn(
         card,
         "the neo-Hookean law of lacsolver has the same moduli at small strains, and another energy of the change of "
-        "volume (docs/theory.md): results differ where the volume changes much",
+        f"volume ({on_page('theory')}): results differ where the volume changes much",
     )
 
 
@@ -105,7 +105,7 @@ def expansion(import_: Import, card: Card) -> None:
     kind = card.word("TYPE", "ISO")
     count = {"ISO": 1, "ORTHO": 3}.get(kind, 0)
     if not count:
-        raise Refused(f"expansion of type {kind} is not taken; give ISO, or ORTHO with an orthotropic material")
+        raise Refused(f"expansion of type {kind} is not supported; give ISO, or ORTHO with an orthotropic material")
     values = card.single("the expansion").numbers(0, count, "the expansion")
     import_.material.keys["expansion"] = values[0] if count == 1 else values
 
@@ -120,7 +120,7 @@ def orientation(import_: Import, card: Card) -> None:
     if card.word("SYSTEM", "RECTANGULAR") not in ("RECTANGULAR", "R"):
         raise Refused("only rectangular orientations are taken; give the axes of each part as SYSTEM=RECTANGULAR")
     if len(card.rows) > 1:
-        raise Refused("an orientation that is turned about an axis is not taken; give its axes", card.rows[1])
+        raise Refused("an orientation that is rotated about an axis is not supported; give its axes", card.rows[1])
     numbers = card.first("two points").numbers(0, 6, "a coordinate")
     import_.orientations[key_of(card.needed("NAME"))] = (tuple(numbers[:3]), tuple(numbers[3:]))
 
@@ -152,7 +152,7 @@ def _engineering_constants(card: Card, kind: str) -> dict[str, Any]:
     """
     count = _CONSTANTS.get(kind, 0)
     if not count:
-        raise Refused(f"elasticity of type {kind} is not taken; ISO, ORTHO and ENGINEERING CONSTANTS are")
+        raise Refused(f"elasticity of type {kind} is not supported; ISO, ORTHO and ENGINEERING CONSTANTS are")
     fields = [(row, k) for row in card.rows for k in range(len(row.fields))]
     if not count <= len(fields) <= count + 1:
         raise Refused(f"it should list {count} constants for one temperature, and lists {len(fields)}")
@@ -174,7 +174,7 @@ def _from_stiffness(values: list[float]) -> dict[str, Any]:
     d11, d12, d22, d13, d23, d33 = values[:6]
     D = np.array([[d11, d12, d13], [d12, d22, d23], [d13, d23, d33]])
     if not np.linalg.eigvalsh(D)[0] > 1e-14 * np.abs(D).max():
-        raise Refused("its stiffness is not positive definite, so that it gives energy when it is strained")
+        raise Refused("its stiffness is not positive definite: its strain energy could be below 0")
     S = np.linalg.inv(D)
     young = 1 / np.diag(S)
     poisson = [-S[0, 1] * young[0], -S[0, 2] * young[0], -S[1, 2] * young[1]]
@@ -270,9 +270,9 @@ def _material_keys(import_: Import, material: DeckMaterial, axes: str, T: float)
     if law is None:
         raise Refused(f"{called} has no *ELASTIC and no *HYPERELASTIC; give it one")
     if import_.large and law not in _FINITE:
-        raise Refused(f"{called} is orthotropic, which lacsolver has for small displacements; leave out NLGEOM")
+        raise Refused(f"{called} is orthotropic, which lacsolver supports for small displacements only; remove NLGEOM")
     if not import_.large and law == "neo_hookean":
-        raise Refused(f"{called} is hyperelastic, which lacsolver has for finite displacements; say NLGEOM")
+        raise Refused(f"{called} is hyperelastic, which lacsolver supports for finite displacements only; add NLGEOM")
     if import_.large and law == "elastic":
         import_.note(
             material.card,

@@ -57,7 +57,9 @@ def step(import_: Import, card: Card) -> None:
     before = bool(import_.steps) and import_.steps[-1].large  # which stays, unless a step says NO
     large = card.word("NLGEOM") != "NO" if "NLGEOM" in card.options else before
     if import_.steps and large != import_.steps[0].large:
-        raise Refused("lacsolver has small or finite displacements for all steps; say NLGEOM in all of them or in none")
+        raise Refused(
+            "lacsolver has small or finite displacements for all steps; give NLGEOM in all of them or in none"
+        )
     if (grown := card.word("AMPLITUDE", "RAMP")) not in ("RAMP", "STEP"):
         raise Refused(f"the amplitude of a step is RAMP or STEP, and not {grown}")
     import_.steps.append(DeckStep(card, begin, large=large, sudden=grown == "STEP"))
@@ -132,14 +134,14 @@ def end_step(import_: Import, card: Card) -> None:
     elif which.modes:
         import_.modal = import_.steps.pop()
         if any(line.step == now for line in import_.assigned):
-            raise Refused("supports and loads of a *FREQUENCY step are not taken; give supports in the model")
+            raise Refused("supports and loads of a *FREQUENCY step are not supported; give supports in the model")
     elif "PERTURBATION" in which.card.options:
         raise Refused("a step of small PERTURBATION is taken with *FREQUENCY alone; leave the option out")
 
 
 def cyclic_modes(import_: Import, card: Card) -> None:
     """Warn that a step of *FREQUENCY asks for modes with nodal diameters. Raises Lacking elsewhere."""
-    message = "modes with nodal diameters are not taken; static sectors are"
+    message = "modes with nodal diameters are not supported; static sectors are"
     if not (import_.in_step and import_.step.modes):
         raise Lacking(message)
     import_.warn(card, f"{message}: lacsolver modes finds those that are alike in all sectors")
@@ -191,12 +193,14 @@ def dynamics(import_: Import) -> None:
         return
     first = import_.steps.index(moving[0])
     if late := next((one for one in import_.steps[first:] if one.alpha is None), None):
-        import_.error(late.origin, "a static step after a dynamic one is not taken; compute it in a deck of its own")
+        import_.error(
+            late.origin, "a static step after a dynamic one is not supported; compute it in a deck of its own"
+        )
     if other := next((one for one in moving if one.alpha != moving[0].alpha), None):
         import_.error(other.origin, "lacsolver has one ALPHA for all steps; give the steps of *DYNAMIC the same")
     if first and given:
-        message = "CalculiX takes these velocities away in the static step before the motion"
-        raise Refused(f"{message}; take them out, or write [[initial]] into the case", given[0].row, given[0].card)
+        message = "CalculiX sets these velocities to 0 in the static step before the motion"
+        raise Refused(f"{message}; remove them, or add [[initial]] to the case", given[0].row, given[0].card)
     keys: dict[str, Any] = {"alpha": moving[0].alpha} | ({"start": moving[0].begin} if first else {})
     if any(damping := _damping(import_)):
         keys["rayleigh"] = list(damping)
@@ -211,7 +215,7 @@ def _damping(import_: Import) -> tuple[float, float]:
     materials = [import_.materials[key] for key in sorted(keys)]
     for material in materials:
         if not material.keys.get("density"):
-            message = f"material {material.name} has no *DENSITY, and what moves has a mass; give it one"
+            message = f"material {material.name} has no *DENSITY, and motion needs a mass; give it one"
             import_.error(material.card, message)
     if len({material.damping for material in materials}) > 1:
         names = ", ".join(material.name for material in materials)
@@ -266,8 +270,8 @@ def _check_velocities(import_: Import, v: Floats, lines: list[Assigned]) -> None
     for line in import_.lines("displacement"):
         for c in line.components:
             if (fixed := line.items[v[line.items, c] != 0]).size:
-                message = f"nodes {some(number[fixed])} have a velocity along {AXES[c]}, in which they are held"
-                raise Refused(f"{message}; hold the nodes or move them, not both", line.row, line.card)
+                message = f"nodes {some(number[fixed])} have a velocity along {AXES[c]}, in which they are constrained"
+                raise Refused(f"{message}; constrain the nodes or move them, not both", line.row, line.card)
 
 
 def _linear(import_: Import, name: str, nodes: Ints, v: Floats, line: Assigned) -> Iterator[tuple[str, float | str]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from lacmesh.errors import on_page
 from lacsolver.decks import bodies, contact, joints, loads, materials, steps
 from lacsolver.decks.cards import Card
 from lacsolver.decks.import_ import Import
@@ -77,7 +78,7 @@ NOTES = {
     "SECTIONPRINT": "forces on sections are not computed; reactions and contact resultants are in history.csv",
     **dict.fromkeys(
         ("NODEFILE", "ELFILE", "CONTACTFILE", "OUTPUT", "NODEOUTPUT", "ELEMENTOUTPUT", "CONTACTOUTPUT", "FILEFORMAT"),
-        "a run writes its fields after every step; see [output] in docs/case.md",
+        f"a run writes its fields after every step; see [output] in {on_page('case')}",
     ),
     "TIMEPOINTS": "times of results are [output] times in the case",
     "MONITOR": "history.csv has probes and reactions",
@@ -104,12 +105,12 @@ LACKS = {
     **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT"), _SHELLS),
     **dict.fromkeys(("CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
                      "DEFORMATIONPLASTICITY", "VISCOELASTIC"),
-                    "lacsolver has elastic materials and *PLASTIC; docs/architecture.md says how a program adds a law"),
+                    f"lacsolver has elastic materials and *PLASTIC; {on_page('architecture')} says how to add a law"),
     **dict.fromkeys(("FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
     "CONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
-    "FIELD": "fields other than temperature are not taken",
-    "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
+    "FIELD": "fields other than temperature are not supported",
+    "SUBMODEL": "boundary values from another run are not supported; write them as *BOUNDARY",
     "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
     "RETAINEDNODALDOFS": "lacsolver makes no substructures",
 }  # fmt: skip

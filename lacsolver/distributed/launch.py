@@ -17,10 +17,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import RequestError, on_page
 
-#: page with every way to install PETSc
-PAGE = "docs/install_petsc.md"
+#: opens the page with every way to install PETSc
+PAGE = on_page("install_petsc")
 #: folders of Debian's petsc4py, of PETSc 3 with real numbers and 32-bit indices
 DEBIAN = "/usr/lib/petscdir/petsc3*/*-real/lib/python3/dist-packages"
 #: variables of libraries that would start threads in each of several processes

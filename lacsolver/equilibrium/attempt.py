@@ -273,18 +273,20 @@ def why(step: LoadStep, outcome: Outcome) -> str:
             return f"{message}: {describe(motion).replace(' moves ', ' slides ')}: {slides}"
         if STOPPED_BY_CONTACT**2 < (part := _resistance(step, motion)) < _SLIGHT:
             hardly = f"contact resists that with {part:.1e} of its stiffness only"
-            return f"{message}: {describe(motion)} along its load, and {hardly}; hold it by a displacement or a spring"
+            return (
+                f"{message}: {describe(motion)} along its load, and {hardly}; support it by a displacement or a spring"
+            )
         if not np.abs(closed @ along).any():
-            return f"{message}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
+            return f"{message}: {describe(motion)}, and no contact stops it; support it, or load it toward its master"
     off = problem.constraints.on_unknowns(step.reaction(*outcome.iterate[:2])) - problem.constraints.force(step.t)
     number, place = _largest_node(problem.space, problem.constraints.T @ off)
     balance, gap = outcome.residuals[-1]
     message += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
-    message += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
+    message += f"gaps by {gap:.1e} of the largest displacement (tolerance {problem.case.solver.tolerance:.1e})"
     what, advice = alternating(outcome, problem.space)
     message += f"; in the last iterations {what}" if what else ""
     if convex(step, outcome.iterate):
-        held = "look whether the loads tip a body over that only contact holds, or prescribed displacements squeeze one"
+        held = "check whether loads tilt a body that only contact supports, or prescribed displacements squeeze one"
         return f"{message}; {advice or held}"
     message += f"; {advice}; or" if advice else ";"
     return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"

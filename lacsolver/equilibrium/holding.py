@@ -74,7 +74,7 @@ def warnings_of(held: Sequence[Held], prescribed: float) -> Iterator[str]:
             described.add(one.words)
             went = f"{one.words} by {one.moved:.4g}"
             went += f", farther than it is long ({one.size:.4g})" if far else ""
-            advice = "hold it by a displacement or a spring, or look where its load takes it"
+            advice = "support it by a displacement or a spring, or check where its load moves it"
             yield f"{went}: {_resisted(one.part)}; {advice}"
 
 
@@ -107,4 +107,4 @@ def beyond_a_cell(space: Space, u: Floats) -> str | None:
     place = ", ".join(space.told(space.mesh.points[node]))
     who = f"node {space.mesh.node_number[node]} ({place})"
     message = f"{who} moves by {far[node]:.4g} and its cells are {size:.4g} long"
-    return f'{message}: small kinematics takes displacements for small; look what moves, or take kinematics = "finite"'
+    return f'{message}: small kinematics assumes small displacements; check what moves, or set kinematics = "finite"'

@@ -235,7 +235,7 @@ class ReducedProblem:
         of_node = space.bodies
         body = "a body" if space.share.size > 1 else body_names(space, of_node)[of_node[node]]
         message = f"the stiffness is singular: a part of {body} can move without any force, most of all {who}"
-        advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
+        advice = "check how it is connected there, or support it by a displacement or a spring"
         return SingularError(f"{message}; {advice}", error.dof, error.mode)
 
     @cached_property

@@ -268,9 +268,9 @@ def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
         known = ROUNDING * model.length
     if nothing_acts(step) or not (now.p.any() and 0 < moved <= _CLEAR * known):
         return False
-    message = f"at time {step.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
+    message = f"at time {step.t:.6g} the largest displacement is {moved:.1e}, and round-off of coordinates limits gaps "
     message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"
-    advice = "load the bodies more" + ("" if model.linear else ', or ask for geometry = "reference"')
+    advice = "increase the loads" + ("" if model.linear else ', or set geometry = "reference"')
     warnings.warn(LacmeshWarning(f"{message}; {advice}"), stacklevel=3)
     return True
 
@@ -288,15 +288,17 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             what = "overlap" if pair.law.compressive else "are apart"
             message = f"{len(bad)} macro-elements {what} by up to {wrong_way.max():.6g} at time {step.t:.6g}"
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
-            raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
+            raise wrong(pair.record, f"{message}; leave some of them free, or prescribe values that fit")
     least = _SAME * space.largest(step.u(q))
     for one in contact.equalities:
         if isinstance(one.law, Free):
             continue
         own = np.abs(gap[one.rows])
         if own.max(initial=0.0) > least:
-            message = f"it is off by {own.max():.6g} at time {step.t:.6g}, and all that it acts on is prescribed"
-            raise wrong(one.equality.record, f"{message}; leave some of its nodes free, or prescribe what fits")
+            message = (
+                f"it is violated by {own.max():.6g} at time {step.t:.6g}, and all its displacements are prescribed"
+            )
+            raise wrong(one.equality.record, f"{message}; leave some of its nodes free, or prescribe values that fit")
 
 
 def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
@@ -311,7 +313,9 @@ def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
         if slips.any():
             message = f"{int(slips.sum())} macro-elements slip at time {step.t:.6g}, and all nodes of both skins are "
             message += "prescribed along them there"
-            raise wrong(group.pair.record, f"{message}; friction with that is not available yet: leave some free")
+            raise wrong(
+                group.pair.record, f"{message}; prescribed slip with friction is not available: leave some of them free"
+            )
 
 
 def step_end_times(case: Case) -> list[float]:

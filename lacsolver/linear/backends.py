@@ -28,7 +28,7 @@ Factor: TypeAlias = "DirectFactor | MultigridFactor"
 Analysis: TypeAlias = "DirectAnalysis | MultigridAnalysis"
 
 #: above this number of unknowns in 3D, contact costs less with multigrid than with a factorisation
-#: (docs/solver_backends.md)
+#: (docs/benchmarks.md)
 MULTIGRID_ABOVE = 80_000
 #: rigid-body modes of a body in 3D; a problem with fewer is plane, where a factorisation stays cheap
 _MODES_3D = 6

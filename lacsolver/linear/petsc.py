@@ -5,7 +5,7 @@ PETSc with the prefix `lacsolver_`, from PETSC_OPTIONS, go before those that are
 Chebyshev's polynomial with the inverse diagonal; its smoothers by blocks give NaN in PETSc 3.18 where an aggregate is
 smaller than six rigid-body modes. BoomerAMG truncates its interpolation. It does not coarsen its first level
 aggressively, which is faster where it converges, but with 4 processes it did not on three models of warped and
-quadratic cells (docs/scaling.md).
+quadratic cells.
 """
 
 from __future__ import annotations

@@ -249,7 +249,7 @@ def _check_cells(record: Contact, mesh: Mesh, x: Floats) -> None:
         bad = near[(before > 0) & ~(after > 0)]
         if len(bad):
             way = float(np.linalg.norm(x - mesh.points, axis=1)[nodes[bad[0]]].max())
-            message = f"is {record.adjust:g}, by which cells {some(mesh.cell_number[cells[bad]])} would be turned over"
+            message = f"is {record.adjust:g}, which would invert cells {some(mesh.cell_number[cells[bad]])}"
             message += f": a node of {mesh.cell_number[cells[bad[0]]]} moves by {way:.4g}"
             raise wrong(record, f"adjust {message}; give a smaller one, a clearance, or a mesh without the gap")
 
@@ -268,5 +268,5 @@ def _check_kept(mesh: Mesh, done: Sequence[tuple[_Pair, Ints, float]], origin: F
                 at = nodes[int(off_by.argmax())]
                 place, size = (mesh.points[at] + origin)[: mesh.space_dim], float(np.ptp(mesh.points, axis=0).max())
                 where = ", ".join(format_coordinates(place, size))
-                message = f"adjust moves nodes off the master of {pair.record.name!r} again, as near ({where})"
-                raise wrong(later.record, f"{message}; adjust one of the two, or the other one first")
+                message = f"adjust moves nodes that {pair.record.name!r} has moved onto its master, as near ({where})"
+                raise wrong(later.record, f"{message}; adjust one of the two only, or exchange their order")

@@ -79,7 +79,7 @@ def _heavy_skins(problem: Problem) -> Iterator[str]:
             advice += "" if how.massless == "skins" else ', or take massless = "skins"'
             yield (
                 f"the skins of contact {pair.name!r} have no nodes without mass, as those of rigid bodies keep theirs: "
-                f"pressures alternate, and an impact makes energy; {advice}"
+                f"pressures alternate, and an impact creates energy; {advice}"
             )
 
 

@@ -79,7 +79,7 @@ def _excluded(problem: Problem, given: Given, bad: Ints, what: str) -> CaseError
     message = (
         f"gives nodes {some(problem.space.mesh.node_number[nodes])} a {what} that prescribed displacements exclude"
     )
-    return wrong(record, f"{message}; name groups without them, or let both be the same")
+    return wrong(record, f"{message}; name groups without them, or make both equal")
 
 
 def jumps(problem: Problem) -> list[str]:

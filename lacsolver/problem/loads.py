@@ -245,8 +245,8 @@ def _pressed(space: Space, faces: Ints) -> Surface | None:
         return None
     unknown = surface.cell[np.isnan(surface.depth)]
     if len(unknown):
-        message = f"cells {space.mesh.cell_names(unknown)} do not have just one cell of the body behind them"
-        raise DataError(f"{message}; a pressure needs faces of its skin", space.mesh.cell_number[unknown])
+        message = f"cells {space.mesh.cell_names(unknown)} do not have exactly one cell of a body behind them"
+        raise DataError(f"{message}; a pressure needs outer faces of a body", space.mesh.cell_number[unknown])
     return surface
 
 
@@ -257,7 +257,7 @@ def check_on_bodies(space: Space, nodes: Ints, what: str, moved: Ints | None = N
     loose = loose if moved is None else np.setdiff1d(loose, moved)
     if len(loose):
         numbers = ", ".join(str(n) for n in space.mesh.node_number[loose[:10]])
-        raise DataError(f"{what} at nodes {numbers}, which no cell of the body holds; name nodes of the body")
+        raise DataError(f"{what} at nodes {numbers}, which belong to no cell of a body; name nodes of a body")
     return nodes
 
 
@@ -269,9 +269,9 @@ def _skin(space: Space, faces: Ints) -> Surface | None:
     faces = np.asarray(faces, dtype=np.int64)
     wrong = faces[space.mesh.cell_dim[faces] != space.dim - 1]
     if len(wrong) or not space.share.total(np.array(len(faces))):
-        named = f"cells {space.mesh.cell_names(wrong)} are none" if len(wrong) else "the group is empty"
+        named = f"cells {space.mesh.cell_names(wrong)} have another" if len(wrong) else "the group is empty"
         message = f"a load on a surface needs cells of dimension {space.dim - 1}, and {named}"
-        raise DataError(f"{message}; name a group of skin cells", space.mesh.cell_number[wrong])
+        raise DataError(f"{message}; name a group of faces", space.mesh.cell_number[wrong])
     faces = space.near(faces)
     if not len(faces):
         return None
@@ -279,8 +279,8 @@ def _skin(space: Space, faces: Ints) -> Surface | None:
     nodes = surface.faces.nodes
     loose = surface.cell[((nodes >= 0) & ~space.attached[nodes]).any(axis=1)]
     if len(loose):
-        message = f"cells {space.mesh.cell_names(loose)} have nodes that no cell of the body holds"
-        raise DataError(f"{message}; a load acts on the skin of a body", space.mesh.cell_number[loose])
+        message = f"cells {space.mesh.cell_names(loose)} have nodes that belong to no cell of a body"
+        raise DataError(f"{message}; a load acts on the surface of a body", space.mesh.cell_number[loose])
     return surface
 
 

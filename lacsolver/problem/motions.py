@@ -96,7 +96,7 @@ def unheld(motions: Sequence[FreeMotion]) -> str:
         )
     every = 6 if motions[0].space.dim == 3 else 3
     clauses = [f"{who}{': every motion' if len(how) == every else ','.join(how)}".rstrip() for who, how in ways.items()]
-    return f"nothing holds a part of the model: {'; '.join(clauses)}; add a displacement, a spring or a contact"
+    return f"nothing supports a part of the model: {'; '.join(clauses)}; add a displacement, a spring or a contact"
 
 
 def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Iterator[FreeMotion]:

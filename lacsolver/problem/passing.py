@@ -111,8 +111,8 @@ def words(joint: ContactPair, points: Passing, t: float, space: Space) -> str:
     place = ", ".join(space.told((points.place[deepest] + space.origin)[: space.dim]))
     message = f"contact {joint.name!r}: in the step to time {t:.6g} {len(np.unique(points.face))} faces of slave "
     message += f"{joint.record.slave!r} pass through master {joint.record.master!r}, by up to "
-    message += f"{points.depth[deepest]:.6g} near ({place}), farther than the {points.limit[deepest]:.6g} to which "
-    message += "contact is found there"
+    message += f"{points.depth[deepest]:.6g} near ({place}), farther than the search depth "
+    message += f"{points.limit[deepest]:.6g} there"
     return f"{message}; take more steps ([steps] count) or max_halvings, or a larger search_distance"
 
 

@@ -287,7 +287,7 @@ def _joined_space(case: Case, parts: ProblemParts, distribution: Distribution) -
 def _check_divided(case: Case, distribution: Distribution) -> None:
     """Raise CaseError for records that join nodes of a mesh that was divided without them."""
     for record in joining(case) if distribution.divided else ():
-        message = "it joins nodes, which one process then has, and the mesh was divided before"
+        message = "it joins nodes, which must belong to one process, and the mesh was divided without it"
         raise wrong(record, f"{message}; name the mesh file itself, not the folder of its parts")
 
 
@@ -337,7 +337,7 @@ def _tell_of_no_body(space: Space, record: Displacement, nodes: Ints) -> None:
             f"{said(record)} has no effect: none of its nodes belongs to a cell of a body; were the cells behind them"
         )
         warnings.warn(
-            LacmeshWarning(f"{message} saved with the mesh? A skin without them is rigid and at rest"), stacklevel=3
+            LacmeshWarning(f"{message} saved with the mesh? A surface without them is rigid and at rest"), stacklevel=3
         )
 
 

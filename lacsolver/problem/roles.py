@@ -63,7 +63,8 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
     for record in records_with_roles:
         if record.why and names.count(record.name) > 1:
             raise wrong(
-                record, f"its name by default is that of its slave, {record.name!r}, which another has; name it"
+                record,
+                f"its default name is that of its slave, {record.name!r}, which another section has; give it a name",
             )
     contacts = tuple(one for one in records_with_roles if isinstance(one, Contact))
     ties = tuple(one for one in records_with_roles if isinstance(one, Tie))
@@ -131,8 +132,8 @@ def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> C
         raise wrong(record, str(error)) from None
     free = [side for side in sides if side.name not in taken]
     if not free:
-        message = f"{names[0]!r} and {names[1]!r} are slaves of others already"
-        raise wrong(record, f"{message}, and a skin has one master; join the masters in one group")
+        message = f"{names[0]!r} and {names[1]!r} are slaves of other sections already"
+        raise wrong(record, f"{message}, and a slave has one master; put the masters into one group")
     if len(free) == 1:
         other = next(side for side in sides if side is not free[0])
         slave, why = free[0], f"{other.name!r} is the slave of another"
@@ -140,7 +141,7 @@ def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> C
         slave, why = _by_rules(*sides)
     if not slave.behind:
         message = f"{slave.name!r} has faces without one cell behind them, so that it cannot be cut"
-        raise wrong(record, f"{message}, and neither can the other surface; name the skin of a body")
+        raise wrong(record, f"{message}, and neither can the other surface; name the surface of a body")
     master = next(side.name for side in sides if side is not slave)
     name = record.name or slave.name
     return record.altered(slave=slave.name, master=master, surfaces=None, why=why, name=name)

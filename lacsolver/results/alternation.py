@@ -39,18 +39,16 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
         record = joint.record
         message = f"pressures of {record.SECTION.name} {joint.name!r} alternate: they differ by "
         if poor:
-            message += f"{100 * part:.0f} % from their neighbours' mean, as they do where slave {record.slave!r} "
+            message += f"{100 * part:.0f} % from their neighbours' mean, a known effect where slave {record.slave!r} "
             message += f"has finer faces than master {record.master!r} and is stiffer for its size"
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:
-            message += f"{100 * within:.0f} % from the mean of their neighbours' inside the area of contact, which is "
+            message += f"{100 * within:.0f} % from the mean of their neighbours' inside the contact area, "
             mesh, slave = problem.space.mesh, joint.zone.slave
             parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))[slave.cell]
             cut = np.isin(slave.faces.type, _LINEAR) & (parent >= 0)
             stars = 'macro = "stars" on the uncut mesh, ' if cut.any() else ""
-            message += (
-                f"the mesh and not the contact; {stars}quadratic cells, or slave and master exchanged lessen it, "
-            )
+            message += f"an effect of the mesh; {stars}quadratic cells, or exchanging slave and master reduce it, "
             yield f"{message}and the recovered pressure evens it out (lacsolver plot --field recovered)"
 
 

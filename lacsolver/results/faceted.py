@@ -48,18 +48,18 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
         if mean > 0 and not flat and young * doubt > _WORTH * mean:
             yield (
                 f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the next, "
-                f"where heights of curved skins may be off by {doubt:.2g} of a face's size, which is worth "
-                f"{young * doubt:.4g} beside their mean, {mean:.4g}; refine both skins where their curvature changes, "
-                "put nodes on the line where two shapes touch, or mesh with quadratic cells"
+                f"where heights of curved surfaces are uncertain by {doubt:.2g} of a face's size, an error of "
+                f"{young * doubt:.4g} for a mean pressure of {mean:.4g}; refine both surfaces where their curvature "
+                "changes, put nodes on the line where two shapes touch, or mesh with quadratic cells"
             )
         if mean > 0 and flat:
             message = f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the "
+            message += f"next, a known effect of flat faces on curved surfaces: normals turn by {np.degrees(turn):.2g} "
             message += (
-                f"next, as they do where flat faces stand for curved skins: these turn by {np.degrees(turn):.2g} "
+                f"degrees from face to face, an error of E h / 8R = {worth:.4g} for a mean pressure of {mean:.4g}"
             )
-            message += f"degrees from face to face, which is worth E h / 8R = {worth:.4g} beside their mean, {mean:.4g}"
             other = 'take surface = "smooth", or ' if record.surface == "faces" else ""
-            yield f"{message}; {other}refine both skins, or mesh with quadratic cells, whose mid-nodes lie on the skins"
+            yield f"{message}; {other}refine both surfaces, or mesh with quadratic cells, whose mid-nodes lie on them"
 
 
 def _doubt(skin: Surface) -> float:

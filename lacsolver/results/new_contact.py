@@ -49,7 +49,7 @@ def sliding_since_contact(state: State, closed: dict[str, NDArray[np.bool_]]) ->
         if carried[new].sum() > _MUCH * carried.sum():
             part = f"{int(new.sum())} of {int((zone.status >= CONTACT).sum())} macro-elements"
             yield (
-                f"friction of {zone.name!r} depends on the way: {part} closed and slid in one step, "
+                f"friction of {zone.name!r} depends on the load path: {part} closed and slid in one step, "
                 f"at time {state.time:.6g}; compare with twice as many steps"
             )
 

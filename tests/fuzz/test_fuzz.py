@@ -255,7 +255,7 @@ def consistent(mesh):
         assert nodes.shape == (len(nodes), 2) and (not nodes.size or (nodes.min() >= 0 and nodes.max() < n)), "periodic"
 
 
-# ---- the tests: 10,000 files of each format by `make fuzz`, and a thin slice in every run
+# ---- the tests: 10,000 files of each format by `make verify FUZZ=1`, and a thin slice in every run
 
 #: files of each format that commands try, in parts of as many, and those that are read alone, from another number on
 PARTS, FILES = samples(1, 20), samples(16, 500)

@@ -94,7 +94,7 @@ def test_undefined_is_not_finite_and_does_not_hide(text):
 REFUSED = [
     ("x + w", "unknown name 'w'"), ("sine(x)", "did you mean sin"), ("Sin(x)", "did you mean sin or"),
     ("sqr(x)", "did you mean sqrt?"), ("x(2)", "write * to multiply by x"), ("pi(2)", "write * to multiply by pi"),
-    *((text, "is no formula") for text in ("2 x", "2x", "x +", "", "(x", "x = 1", "x; y", "\0")),
+    *((text, "is not a formula") for text in ("2 x", "2x", "x +", "", "(x", "x = 1", "x; y", "\0")),
     ("x ^ 2", "write ** for a power"), ("sin", "write sin(...)"),
     ("sin()", "gives sin 0 arguments in its formula; it takes 1"), ("atan2(x)", "it takes 2"),
     ("where(x, y)", "it takes 3"), ("min(x)", "it takes 2 or more"),
@@ -102,10 +102,10 @@ REFUSED = [
     ("True", "True"), ("None", "None"), ("'x'", "'x'"), ("1j", "1j"), ("1e999", "too large"), ("9" * 400, "too large"),
     ("9**9**9**9", "a power of numbers"), ("x if t < 1 else pow(10, 400)", "a power of numbers"),
     ("1" * (LONGEST + 1), "characters"), ("(x, y)", "a comma outside a function"), ("[x]", "List"), ("{x}", "Set"),
-    ("x[0]", "an index"), ("x in y", "a comparison"), ("x is y", "a comparison"), ("x & y", "BinOp"),
+    ("x[0]", "an index"), ("x in y", "an unknown comparison"), ("x is y", "an unknown comparison"), ("x & y", "BinOp"),
     ("x @ y", "BinOp"), ("~x", "UnaryOp"), ("(x := 1)", "NamedExpr"), ("x # the radius", "# in its formula"),
-    ("-" * 50_000 + "x", "too deeply nested"), ("(" * 5_000 + "x" + ")" * 5_000, "too many nested parentheses"),
-    ("x" * 1_000_000, "characters"), ("+".join("x" * 40_000), "too deeply nested"),
+    ("-" * 50_000 + "x", "nested too deeply"), ("(" * 5_000 + "x" + ")" * 5_000, "too many nested parentheses"),
+    ("x" * 1_000_000, "characters"), ("+".join("x" * 40_000), "nested too deeply"),
 ]  # fmt: skip
 
 
@@ -319,7 +319,7 @@ def test_values_that_are_none():
     [
         (lambda: Pressure(group="a", value=1.0, follower=3), CaseError, r"^pressure.follower is 3"),
         (lambda: replace(case(), material=Material(young=1, poisson=0.5)), CaseError, r"^material.poisson is 0.5"),
-        (lambda: replace(case(), model="plane_strain", gravity=Gravity(gz=1.0)), CaseError, r"^gravity.gz is of"),
+        (lambda: replace(case(), model="plane_strain", gravity=Gravity(gz=1.0)), CaseError, r"^gravity.gz applies to"),
         (lambda: Pressure(group="a"), TypeError, "value"),
         (lambda: case(pressure=[3]), TypeError, "list of Pressure records"),
         (lambda: case(steps={"end": 2}), TypeError, "a Steps record"),
@@ -359,7 +359,7 @@ def test_copies_of_records_are_checked_and_keep_their_place():
         assert copied.place == one.place and copied != one and len({copied, one}) == 2
     with pytest.raises(CaseError, match=r"^press.toml, line 4: pressure\.value is true"):
         one.model_copy(update={"value": True})
-    with pytest.raises(TypeError, match=r"pressure.grup is no key of \[\[pressure\]\]; did you mean group"):
+    with pytest.raises(TypeError, match=r"pressure.grup is not a key of \[\[pressure\]\]; did you mean group"):
         Pressure(grup="a", group="a", value=1.0)
     assert pickle.loads(pickle.dumps(one)) == one == copy.deepcopy(one)
 

@@ -74,7 +74,7 @@ def test_run_writes_the_results_beside_the_case_and_says_so(printed):
     for name in ("pressure_min", "pressure_max", "pressure_mean"):
         assert zone[name] == pytest.approx(1.0, rel=1e-9)
     for part in (
-        *("zone joint", "3 in contact, 0 open, 0 without a master", "coverage 1 to 1", "results: case ("),
+        *("contact joint", "3 in contact, 0 open, 0 without a master", "coverage 1 to 1", "results: case ("),
         *("pressure 1 to 1, mean 1 ", f"iterations {step['iterations']} ", "largest displacement 0.00"),
         "rigid-body mode without support 'upper' moves along y",
     ):
@@ -96,7 +96,7 @@ def test_the_summary_of_a_ring_has_an_axial_force_and_no_moment(printed):
     case(GOOD.replace("plane_strain", "axisymmetric"))
     text = printed("run case.toml")
     axial, radial = (f"{results()['contact']['joint']['resultant'][k]:.6g}" for k in (1, 0))
-    assert f"force on the slave axial {axial}; radial integral " in text and "its moment" not in text
+    assert f"force on the slave axial {axial}; radial integral " in text and "moment on the slave" not in text
     assert "resultant, t = 1 pressure top: axial -" in text and radial != axial
 
 

@@ -451,12 +451,18 @@ LID = {"group": "z1", "kind": "rigid"}
         ([Coupling(group="z1", fx=1.0, weights="-1")], "nodes add up to"),
         ([Coupling(**LID, components=["ux"], fy=1.0)], "follows its fy"),
         ([Coupling(**LID, components=["ux"], rotation=[1, 0, 0])], "follows its rotation"),
-        ([Coupling(group="z0", ux=0.1)], "acts on is prescribed"),
+        ([Coupling(group="z0", ux=0.1)], "all its displacements are prescribed"),
         # a motion that both hold has no force of its own in either, whether they agree or not
-        ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.1, name="again")], "follows from coupling 'z1'"),
-        ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.2, name="again")], "follows from coupling 'z1'"),
+        (
+            [Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.1, name="again")],
+            "constraints follow from coupling 'z1'",
+        ),
+        (
+            [Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.2, name="again")],
+            "constraints follow from coupling 'z1'",
+        ),
         ([Coupling(**LID, rotation=("free", 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "rotation is prescribed"),
-        ([Coupling(**LID, rotation=(0.0, 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "stands beside rotation"),
+        ([Coupling(**LID, rotation=(0.0, 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "cannot be combined with rotation"),
     ],
 )
 def test_couplings_that_are_refused(given, words):
@@ -468,8 +474,12 @@ def test_couplings_that_are_refused(given, words):
     ("cell", "given", "words"),
     [
         ("HEXA8", [Coupling(group="z1", rotation=("free", 0.1, 0.0))], "about none"),
-        ("HEXA8", [Coupling(**LID, components=["uz"], rotation=("free", 0.1, 0.0))], "as they are prescribed"),
-        ("HEXA8", [Coupling(**LID, components=["uz"], fz=1.0)], "as they are prescribed"),
+        (
+            "HEXA8",
+            [Coupling(**LID, components=["uz"], rotation=("free", 0.1, 0.0))],
+            "needs prescribed finite rotations",
+        ),
+        ("HEXA8", [Coupling(**LID, components=["uz"], fz=1.0)], "needs prescribed finite rotations"),
         ("HEXA8", [fix("x0", "x"), Coupling(**LID, uz=0.01)], "freely by finite rotations"),
         ("QUAD4", [Coupling(group="y1", rotation=3.0, ux=0, uy=0), Steps(max_halvings=0)], "a quarter of a turn"),
     ],

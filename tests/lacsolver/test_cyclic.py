@@ -144,7 +144,7 @@ def test_the_ring_is_written_for_paraview(tmp_path):
 @pytest.mark.parametrize(("counts", "sectors", "angle"), [((3, 4), 7, "51.4286"), ((1, 1), 4, "90")])
 def test_sides_that_are_none_are_named(counts, sectors, angle):
     """Also where a side is one edge, of two nodes."""
-    with pytest.raises(CaseError, match=f"turned by {angle} degrees"):
+    with pytest.raises(CaseError, match=f"rotated by {angle} degrees"):
         Problem.of(made(sector("QUAD4", counts, 6), replace(SIX, sectors=sectors)))
 
 

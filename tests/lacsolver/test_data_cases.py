@@ -28,7 +28,7 @@ from tests.lacsolver.contact_cases import load, only, stresses
 from tests.lacsolver.moving import SPEED
 from tests.lacsolver.tables import table
 from tests.problems import case_of, contact, fix
-from tests.test_tutorials import TUTORIALS, pictures_of, shows_what_the_page_shows, size_of, tutorials
+from tests.test_tutorials import TUTORIALS, shows_what_the_page_shows, size_of, tutorials
 from verification.meshes.bars import bar_on_wall
 
 __all__ = ["tutorials"]
@@ -201,8 +201,9 @@ def test_cylinders_stick_where_cattaneo_and_mindlin_say():
 @pytest.mark.slow
 def test_the_page_of_friction_is_what_its_commands_do(tutorials, tmp_path):
     assert shows_what_the_page_shows(list(tutorials.run_page(TUTORIALS / "friction.md", tmp_path)))
-    for name in pictures_of(TUTORIALS / "friction.md"):
-        assert size_of(tmp_path / name) == size_of(TUTORIALS / name)
+    for name in tutorials.pictures(TUTORIALS / "friction.md"):
+        tutorials.keep(tmp_path / name, tmp_path / f"small_{name}")
+        assert size_of(tmp_path / f"small_{name}") == size_of(TUTORIALS / name)
 
 
 # ---- the flange joint

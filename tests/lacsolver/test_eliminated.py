@@ -256,5 +256,5 @@ def test_a_body_may_hang_on_rows_of_equality_alone(mean):
 
 
 def test_rows_of_equality_that_nothing_moves_are_named(mean):
-    with pytest.raises(CaseError, match="all that it acts on is prescribed"):
+    with pytest.raises(CaseError, match="all its displacements are prescribed"):
         solved(held=(FIXED, fix("right", "x")))

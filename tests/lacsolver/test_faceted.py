@@ -296,7 +296,7 @@ def test_what_is_left_is_said(arguments, size, coarse):
     """
     problem, state = solved(fillet_case(*arguments))
     (message,) = faceted(problem, state)
-    assert f"heights of curved skins may be off by {size}" in message
+    assert f"heights of curved surfaces are uncertain by {size}" in message
     assert not coarse or np.abs(state.zones[0].pressure - 1).max() > 0.5
 
 

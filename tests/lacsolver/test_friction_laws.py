@@ -35,7 +35,7 @@ from tests.lacsolver.test_friction import WAYS, joint, plane, rubbed, rubs
 from tests.problems import case_of, fix
 from tests.samples import each_option, samples
 from verification.exact.coulomb import condensed, lemke
-from verification.families import friction_lids
+from verification.families import friction_bank
 
 INF, POINTS = np.inf, 12
 MESHES = Path(__file__).parent / "meshes"
@@ -327,8 +327,8 @@ def test_a_lid_on_two_blocks(friction, normal, shear):
 
 def test_a_lid_whose_sets_return_with_finite_strains():
     """Each time they are a little better, until all iterations are spent: such a cycle is left to the splitting."""
-    text = friction_lids.text_of("finite", 0.3, -1.1812138464037285, 0.3)
-    zone = ls.solve(ls.parse_case(text), friction_lids.lid(4, 10)).contact["joint"]
+    text = friction_bank.lid_text("finite", 0.3, -1.1812138464037285, 0.3)
+    zone = ls.solve(ls.parse_case(text), friction_bank.lid(4, 10)).contact["joint"]
     slides = zone.status == 2
     assert np.abs(zone.shear[slides, 0]) == pytest.approx(0.3 * zone.pressure[slides], rel=1e-8)
     assert (zone.status == 1).any() and np.all(np.abs(zone.shear[:, 0]) <= 0.3 * zone.pressure * (1 + 1e-8))

@@ -130,7 +130,7 @@ def test_paths_are_taken_everywhere_and_reactions_probes_and_contacts_are_found_
         (lambda: ls.parse_case(3), "in TOML, not int"),
         (lambda: ls.assemble(case_of(), MESH, t=-1), "at 0, not -1"),
         (lambda: ls.contact_matrices(lacmesh.read(MESH)), "a mesh and"),
-        (lambda: ls.contact_matrices(MESH, "slave", "master", clearance="0.02*("), "is no formula"),
+        (lambda: ls.contact_matrices(MESH, "slave", "master", clearance="0.02*("), "is not a formula"),
         (lambda: lacmesh.Mesh.from_pyvista(3), "pyvista, not int"),
         (lambda: case_of().write("none.toml"), "this case is none"),
         (lambda: case_of(lambda x, t: 0 * x[:, 0], mesh=MESH).write("none.toml"), "function .* cannot be written"),

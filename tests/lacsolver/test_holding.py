@@ -123,7 +123,7 @@ def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     axial, turning = said[:2]
     assert axial.startswith("'pin' moves along z by ") and "of its stiffness" in axial
     assert turning.startswith("'pin' turns about an axis along z through ") and "of its stiffness" in turning
-    rest = ("small kinematics", "curved skins may be off")  # where its roughness alone drives it out
+    rest = ("small kinematics", "curved surfaces are uncertain")  # where its roughness alone drives it out
     assert all(any(words in line for words in rest) for line in said[2:])
 
 

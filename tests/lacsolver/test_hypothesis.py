@@ -148,7 +148,7 @@ def test_pressures_that_alternate_inside_are_told_of_contact_alone(joint, count)
     (zone,) = state.zones
     rough = replace(zone, pressure=np.arange(len(zone.pressure)) % 2 + 0.5, status=np.full(len(zone.status), CONTACT))
     told = list(alternating(problem, replace(state, zones=(rough,))))
-    assert ["inside the area of contact" in one for one in told] == [True] * count
+    assert ["inside the contact area" in one for one in told] == [True] * count
 
 
 # ---- slivers

@@ -26,7 +26,7 @@ from tests.problem_meshes import two_stacks, waved, waving
 from tests.problems import FINITE, HARD, PROBLEMS, contact, fix, hard, move
 from tests.samples import each_option
 from tests.worlds import World, assert_same, case_in, permuted, turned_world
-from verification.families.curved_fits import _PLANE
+from verification.families.curved import PLANE
 from verification.families.moved_fits import MovedFit, solve_case
 from verification.families.press_fit import case_of as press_fit
 from verification.families.press_fit import mesh_of
@@ -322,6 +322,6 @@ def test_a_motion_that_changes_nothing_changes_no_pressure(given):
 @pytest.mark.parametrize("slave", ["within", "around"])
 def test_quadratic_cells_whose_mid_nodes_are_on_chords(cell, slave):
     """Their faces are flat, and the gap is that between the circles that their corners lie on."""
-    given = replace(_PLANE, cell=cell, slave=slave)
+    given = replace(PLANE, cell=cell, slave=slave)
     pressure = solve(press_fit(given), raise_order(mesh_of(given, 1))).zone.pressure
     np.testing.assert_allclose(pressure, given.exact.between, rtol=0.03)

@@ -153,7 +153,7 @@ def test_the_choice_of_a_backend(monkeypatch):
 
 
 def test_the_page_does_what_it_says():
-    page = REPOSITORY / "docs" / "solver_backends.md"
+    page = REPOSITORY / "docs" / "benchmarks.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert tried > 8 and not failed
     assert {*backends()} <= set(re.findall(r"^\| `(\w+)`", page.read_text(), re.MULTILINE))

@@ -248,7 +248,7 @@ def bare():
 @pytest.mark.parametrize(
     ("mesh", "load", "error", "words"),
     [
-        (square_with_skin, lambda s: loads.pressure(s, np.array([0]), 1.0), DataError, "cells 1 are none"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([0]), 1.0), DataError, "cells 1 have another"),
         (square_with_skin, lambda s: loads.pressure(s, np.array([], int), 1.0), DataError, "group is empty"),
         (square_with_skin, lambda s: loads.pressure(s, np.array([1]), np.nan), DataError, "pressure is nan"),
         (square_with_skin, lambda s: loads.pressure(s, np.array([1]), lambda x, t: x), DataError, r"return \(3,\)"),
@@ -259,7 +259,7 @@ def bare():
         (square_with_skin, lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "and is -2"),
         (square_with_skin, lambda s: loads.gravity(s, Materials.of(s, Elastic(1.0, 0.0)), (0.0, 1.0)), DataError,
          "needs a density"),
-        (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "just one cell"),
+        (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "exactly one cell"),
         (bare, lambda s: loads.traction(s, np.array([1]), (1.0, 0.0)), DataError, "cells 2 have"),
         (bare, lambda s: loads.nodal_force(s, np.array([0, 3]), (1.0, 0.0)), DataError, "at nodes 40"),
         (bare, lambda s: evaluate_vector((1.0, np.inf), s.mesh.points[None], 0.0, 2, "it"), DataError,

@@ -271,5 +271,5 @@ def test_two_sections_in_one_shank_are_refused():
     mesh = box((1, 1, 3), (1, 1, 3)).with_groups("inner", s1=lambda x: x[2] == 1, s2=lambda x: x[2] == 2)
     bolts = [Pretension(group=f"s{k}", force=[[0, 0], [1, 5.0 + 3 * k]], lock=1.0) for k in (1, 2)]
     records = fix("bottom", "xyz"), fix("top", "xyz"), *bolts, Steps(end=2.0, count=2)
-    with pytest.raises(DataError, match="nothing holds a part"):
+    with pytest.raises(DataError, match="nothing supports a part"):
         ls.solve(case_of(mesh, Material(young=E, poisson=0.0), *records, model="3d"))

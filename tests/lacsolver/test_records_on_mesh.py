@@ -225,8 +225,8 @@ def test_a_slave_that_is_held_late(master, carried):
 
 def test_a_support_that_does_not_hold_yet_holds_nothing():
     (problem,) = validate(pushed(joint=False)).problems
-    assert "nothing holds a part of the model" in problem.message
-    with pytest.raises(LacmeshError, match="nothing holds a part of the model"):
+    assert "nothing supports a part of the model" in problem.message
+    with pytest.raises(LacmeshError, match="nothing supports a part of the model"):
         ls.solve(pushed(joint=False))
 
 
@@ -248,10 +248,10 @@ HELD = fix("right", "x", begin=1.0)
     [
         (
             [HELD, replace(HELD, group=None, at=(1, 0.5, 0.5), ux=0.01)],
-            "its ux by displacement 'right' too",
+            "is prescribed by displacement 'right' too",
         ),
-        ([HELD, fix("front", "x", begin=1.5)], "its ux by displacement 'right' too"),
-        ([HELD, move("front", ux=0.01, begin=1.0)], r"contradicts displacement 'left', which holds node \d+"),
+        ([HELD, fix("front", "x", begin=1.5)], "is prescribed by displacement 'right' too"),
+        ([HELD, move("front", ux=0.01, begin=1.0)], r"contradicts displacement 'left', which constrains node \d+"),
         ([fix("front", "x", begin=1.0), Rigid(group="right", fx=0.0)], r"prescribes ux of .*, which rigid 'right'"),
     ],
 )
@@ -264,8 +264,8 @@ def test_supports_that_contradict(records, words):
     "keys, more, words",
     [
         ({"begin": 2.0}, [], "is 2, and the steps end at 2"),
-        ({"reached": 1.0}, [], "means something only with begin"),
-        ({"begin": 1.0, "reached": 1.0}, [], "is 1, and it begins at 1"),
+        ({"reached": 1.0}, [], "has an effect only with begin"),
+        ({"begin": 1.0, "reached": 1.0}, [], "is 1, and the support begins at 1"),
         ({"begin": 1.0}, [ls.Dynamics(start=0.5)], r"\[dynamics\] starts at 0.5"),
     ],
 )

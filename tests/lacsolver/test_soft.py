@@ -380,8 +380,8 @@ def test_bodies_on_a_gasket_in_space():
 
 
 @pytest.mark.parametrize(("keys", "more", "words"), [
-    ({"stiffness": 4.0, "damping": 1.0}, (), "goes with velocities"),
-    ({"damping": 1.0}, (Dynamics(),), "acts on an overlap"),
+    ({"stiffness": 4.0, "damping": 1.0}, (), "has no effect without"),
+    ({"damping": 1.0}, (Dynamics(),), "rigid contact has no overlap"),
     ({"stiffness": 4.0, "damping": -1.0}, (Dynamics(),), "damping"),
     ({"type": "bilateral", "stiffness": 4.0, "damping": 1.0}, (Dynamics(),), "damping"),
     ({"stiffness": 0.0}, (), "stiffness"),

@@ -1,61 +1,80 @@
-"""Cases that solve nothing, and the command of the worker that ends them.
+"""A family of cases that solve nothing, and end as their names say; each adds a line to the file `$FAKES`.
 
-`python -m tests.verification.fakes PREPARED NAME,NAME ...` is `python -m verification ...` with such cases.
+`python -m tests.verification.fakes ...` is `python -m verification ...` with this family alone.
 """
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from verification.cli import main
-from verification.records import Case, Outcome, at_most
-from verification.running import plan, pool
-from verification.running.folder import write_case_result
-from verification.running.plan import Planned, sources
+from verification import families
+from verification.records import Case, Family, Outcome, at_most
+
+FAILURE = "ValueError: the\x1b[31m mesh\n is <wrong>"
 
 
 @dataclass(frozen=True)
 class Given:
+    name: str
     sizes: tuple[float, ...] = (0.5, 0.25)
 
 
-def outcome_of(name):
-    """`missed...` misses one figure of two, `failed...` has no outcome, others meet both."""
-    if name.startswith("failed"):
-        return Outcome(failure="ValueError: the\x1b[31m mesh\n is <wrong>")
-    missed = 2.0 if name.startswith("missed") else 0.5
-    return Outcome((at_most("error", missed, 1.0, source="us"), at_most("balance", 0.0, 1.0, source="us")))
+def solve(given, *, levels):
+    name, file = given.name, Path(os.environ["FAKES"])
+    with file.open("a") as ran:
+        ran.write(f"{name} {os.getpid()} {time.monotonic()} {os.environ['OMP_NUM_THREADS']}\n")
+    if name == "slow":  # with a child
+        child = subprocess.Popen(["sleep", "60"])
+        file.with_suffix(".new").write_text(str(child.pid))
+        file.with_suffix(".new").replace(file.with_suffix(".child"))
+        time.sleep(60)
+    if name == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if name == "exits":
+        os._exit(7)
+    if name == "leaves":
+        sys.exit("here")
+    if name == "failed":
+        print("said before")
+        raise ValueError(FAILURE.partition(": ")[2])
+    if name == "halting":
+        time.sleep(0.5)
+    value = 2.0 if name == "missed" else 0.5
+    return Outcome((at_most("error", value, 1.0, source="us"), at_most("levels", levels, 9.0, source="us")))
 
 
-def planned(prepared, names, *, levels=2, digest=None, given=None, alone=()):
-    """Cases of family `cut`, and in `prepared` what their worker is to leave."""
-    made = []
-    for name in names:
-        solve = partial(outcome_of, given or Given())
-        case = Case("cut", name, f"about {name}", solve, {"quick": levels}, exclusive=name in alone)
-        made.append(Planned(case, levels, digest or sources("cut")))
-        if name[:4] not in ("slow", "kill", "exit", "sile"):
-            write_case_result(case, levels, 0.25, 1000, outcome_of(name), prepared, made[-1].sources)
-    return made
+NAMES = ("a", "b", "missed", "failed", "killed", "exits", "leaves", "slow", "halting", "timed")
+FAMILY = Family(
+    "fake", "Fakes", "They solve **nothing**.",
+    tuple(Case("fake", n, f"about {n}", partial(solve, Given(n)), {"quick": 2}, exclusive=n == "timed") for n in NAMES),
+)  # fmt: skip
 
 
-def command(prepared):
-    return (sys.executable, "-I", "-S", str(Path(__file__).with_name("fake_worker.py")), str(prepared))
+def planned(names, levels=2):
+    return [(case, levels) for case in FAMILY.cases if case.name in names]
 
 
-def ran(prepared):
-    """name -> (process, time, threads, levels), of the cases that a worker was started for, in their order."""
-    lines = [line.split() for line in (prepared / "ran").read_text().splitlines()]
-    assert len({line[0] for line in lines}) == len(lines), "a case was run twice"
-    (prepared / "ran").unlink()
-    return {name: (int(pid), float(when), int(threads), int(levels)) for name, pid, when, threads, levels in lines}
+def pytest_configure(config):
+    """Let a process that solves cases know this family."""
+    if hasattr(config, "workerinput"):
+        if "FAKES" not in os.environ:
+            os._exit(3)
+        families.MODULES["fake"], sys.modules["verification.families.fake"] = "fake", sys.modules[__name__]
 
 
 if __name__ == "__main__":
-    where, cases = Path(sys.argv[1]), planned(Path(sys.argv[1]), sys.argv[2].split(","))
-    pool.COMMAND = command(where)
-    plan.plan = lambda *which: cases
-    sys.exit(main(sys.argv[3:]))
+    from verification import plan, running
+    from verification.cli import main
+
+    running.ARGUMENTS += ["-p", "tests.verification.fakes"]
+    families.MODULES = {"fake": "fake"}
+    sys.modules["verification.families.fake"] = sys.modules[__name__]
+    plan.plan = lambda *which: planned(sys.argv[1].split(","))
+    sys.exit(main(sys.argv[2:]))

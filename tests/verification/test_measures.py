@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import time
+import runpy
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from tests.samples import each_option
 from verification.divided import FailedError, found
-from verification.exact.finite_bodies import FORCE, PROFILES, STEEL, Hertz, Profile, profile
+from verification.exact.finite_bodies import FORCE, PROFILES, Hertz
 from verification.exact.sources import compiled
 from verification.families import distributed, hertz, inf_sup, scaling, sliding
 from verification.families import hertz_engineering as engineering
@@ -177,7 +178,7 @@ def test_errors_of_hertz_fall_and_forces_balance(model, cell, rigid):
     made = {r.quantity: r for r in hertz.outcome(coarse, case.description, levels=2).results}
     assert made["u, energy norm"].value > 0.8 and made["p_m, L2"].value > 0.6
     assert made["error of the recovered pressure over that of p_m"].passed and made["balance of forces"].passed
-    assert made["approach of the points at depth a, relative error"].value < 0.03
+    assert made["u, L2"].levels[-1].error < 0.03
 
 
 def test_the_exact_solution_of_hertz_has_no_error():
@@ -195,10 +196,9 @@ def test_the_exact_solution_of_hertz_has_no_error():
     assert finer_energy < 0.45 * energy < 0.02 and finer_u < 0.25 * u < 1e-3
 
 
-def test_half_width_approach_and_outer_sides_of_hertz():
+def test_half_width_and_outer_sides_of_hertz():
     x = np.linspace(0.01, 0.99, 50)
     assert hertz.half_width(np.column_stack([x, 0 * x]), np.sqrt(1 - x**2), 1.0) == pytest.approx(1.0)
-    assert 0 < hertz.exact_approach(given("3d", "HEXA8")) < 1 / given("3d", "HEXA8").radius
     groups = [held.group for held in hertz.case_of(given("3d", "TETRA4")).displacement]
     assert groups == ["axis_x", "axis_y", "far_upper", "far_lower"]
 
@@ -208,29 +208,40 @@ def test_half_width_approach_and_outer_sides_of_hertz():
 S = np.linspace(0, engineering.INNER, 19)
 
 
+@pytest.fixture(scope="module")
+def computed():
+    """The program that computed the profiles."""
+    return runpy.run_path(str(Path(__file__).parents[2] / "data" / "provenance" / "finite_bodies.py"))
+
+
 @pytest.mark.parametrize("name", PROFILES)
-def test_coarse_profiles_are_near_those_that_are_kept(name):
+def test_profiles_of_coarse_meshes_are_near_those_of_fine_meshes(name, computed):
     """16 cells to the half-width for 128; the half-space is as far off or farther.
 
     But for `linear`: its direction of contact is the plane's, as in Hertz's theory, and the bodies are large.
     """
-    made, kept = profile(name, 16)(S), PROFILES[name](S)
+    made, kept = computed["profile"](name, 16)(S), PROFILES[name](S)
     assert np.abs(made - kept)[S <= 0.75].max() < 1.2e-3
     off = np.abs(np.sqrt(1 - S**2) - kept)[S <= 0.75].max()
     assert off < 5e-4 if name == "linear" else off > 1e-3
     s = np.linspace(0, 0.95, 60)  # a profile is fitted exactly to itself
-    assert np.abs(Profile.of(s, PROFILES[name](s), PROFILES[name].force)(S) - kept).max() < 1e-9
+    assert np.abs(computed["fitted"](s, PROFILES[name](s), PROFILES[name].force)(S) - kept).max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROFILES)
+def test_profiles_of_64_cells_are_those_of_128(name, computed):
+    """5e-4 is a fifth of the least error that a profile is to measure, 0.22 %."""
+    s = np.linspace(0, engineering.INNER, 91)
+    assert np.abs(computed["profile"](name, 64)(s) - PROFILES[name](s)).max() <= 5e-4
 
 
 def test_errors_of_pressures():
-    half_space, s = Hertz.plane(FORCE), np.linspace(0, 1.2, 61)
-    exact = np.sqrt(np.maximum(1 - s**2, 0))
-    right, more = (
-        engineering.measured(s * half_space.radius, half_space.peak * (exact + off), half_space, exact, 1.0)
-        for off in (0.0, 0.01)
-    )
-    assert right == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    assert more.rms == pytest.approx(0.01) and more.peak == pytest.approx(0.01) and more.width > 0
+    half_space, s, profile = Hertz.plane(FORCE), np.linspace(0, 1.2, 61), PROFILES["current"]
+    for off in (0.0, 0.01):
+        p = half_space.peak * (profile(s) + off)
+        error = engineering.rms_error(s * half_space.radius, p, half_space, profile)
+        assert error == pytest.approx(off, abs=1e-12)
 
 
 def test_the_coarsest_cylinder_has_less_error_than_any_peer_and_tells_theirs():
@@ -238,7 +249,7 @@ def test_the_coarsest_cylinder_has_less_error_than_any_peer_and_tells_theirs():
     (case,) = (case for case in engineering.FAMILY.cases if case.name == "cylinder")
     outcome = case.solve(levels=1)
     judged = next(r for r in outcome.results if r.quantity == "rms error of the recovered pressure, N = 4")
-    assert judged.expected == engineering.BEST[4] / 100 and judged.passed and case.parameters["young"][0] == STEEL
+    assert judged.expected == engineering.BEST[4] / 100 and judged.passed
     assert judged.value < 0.006 and {p.value for p in judged.published} >= {judged.expected}
     assert all(r.passed for r in outcome.results if r.quantity.startswith("balance"))
 
@@ -248,11 +259,11 @@ def test_the_coarsest_cylinder_has_less_error_than_any_peer_and_tells_theirs():
 
 def test_swings():
     smooth = np.sqrt(np.maximum(1 - np.linspace(-1.2, 1.2, 25) ** 2, 0))
-    assert sliding.alternation(smooth) == 0 and sliding.variation(smooth) == pytest.approx(0, abs=1e-12)
+    assert sliding.alternation(smooth) == 0
     rough = smooth + 0.1 * (-1.0) ** np.arange(25) * (smooth > 0)
-    assert 0.05 < sliding.alternation(rough) < 0.1 and sliding.variation(rough) > 0.5
+    assert 0.05 < sliding.alternation(rough) < 0.1
     two = np.concatenate([smooth, smooth])
-    assert sliding.alternation(two) == 0 and sliding.variation(two) == pytest.approx(1)
+    assert sliding.alternation(two) == 0
 
 
 def test_newton_is_judged_by_its_last_iterations_and_not_while_the_set_changes():
@@ -264,12 +275,12 @@ def test_newton_is_judged_by_its_last_iterations_and_not_while_the_set_changes()
     last = sliding.last_pairs(good.residuals, 1e-10)
     assert last == [(1e-3, 2e-6), (2e-6, 3e-11)]
     assert sliding.quadratic(last, 1e-10) and not sliding.quadratic([(5e-5, 1e-5)], 1e-10)
-    halved, told, share, *_ = sliding.newton([good, slow], 1e-10)
-    assert halved.passed and told.value == 2 and share.value == 0.5 and not share.passed
-    assert sliding.newton([good], 1e-10)[2].passed
+    halved, share = sliding.newton([good, slow], 1e-10)
+    assert halved.passed and share.value == 0.5 and not share.passed and share.reason.startswith("2 of 2 steps")
+    assert [result.passed for result in sliding.newton([good], 1e-10)] == [True, True]
     changing = [state(1e-3, 5e-4, 1e-13, settled=settled) for settled in (3, 2, 1)]
-    assert not sliding.newton(changing[:1], 1e-10)[2].passed and sliding.newton(changing[1:2], 1e-10)[2].passed
-    assert len(sliding.newton(changing[2:], 1e-10)) == 1
+    shares = [[result.passed for result in sliding.newton([state], 1e-10)][1:] for state in changing]
+    assert shares == [[False], [True], []]
 
 
 # ---- seconds
@@ -285,13 +296,12 @@ def test_an_exponent_is_judged(power, passed):
 
 
 def test_every_stage_is_timed(monkeypatch):
-    for name, value in {"ROUNDS": 1, "_SOLVED": (2, 4), "_clock": lambda: (time.process_time(), 0.0)}.items():
-        monkeypatch.setattr(scaling, name, value)
+    monkeypatch.setattr(scaling, "ROUNDS", 1)
     monkeypatch.setattr(scaling.seconds_of, "__defaults__", (0.0,))
-    # a search for garbage before each of the 20 takes long among all that tests have made
+    # a search for garbage before each of the 12 takes long among all that tests have made
     monkeypatch.setattr(scaling, "gc", SimpleNamespace(collect=lambda: None))
     names = [result.quantity for result in scaling.run("HEXA8", (4, 6), levels=2).results]
-    assert names[::2] == [f"exponent of {stage}" for stage in (*scaling._STAGES, "the solve")]
+    assert names == [f"exponent of {stage}" for stage in scaling._STAGES]
 
 
 # ---- differences of several processes

@@ -96,16 +96,7 @@ def about_axis(r: Floats, z: Floats, a: float, p0: float) -> Potential:
     )  # fmt: skip
 
 
-def _hoop(
-    r: Floats,
-    z: Floats,
-    w: Complex,
-    S: Complex,
-    L: Complex,
-    omega_z: Floats,
-    a: float,
-    c: float,
-) -> Floats:
+def _hoop(r: Floats, z: Floats, w: Complex, S: Complex, L: Complex, omega_z: Floats, a: float, c: float) -> Floats:
     """phi_r / r, from r phi_r = C Im int (a^2 + (w - z)^2) (1 - w / S) dw; near r = 0 its limit."""
     t = w - z
     # int w / S = S; int w^2 / S = (w S - r^2 L) / 2; int w^3 / S = w^2 S / 3 - 2 r^2 S / 3
@@ -136,9 +127,7 @@ def strains(of: Potential, z: Floats, young: float, poisson: float) -> Strains:
         rr=((1 - 2 * nu) * of.phi_rr + z * of.omega_rr) / two_mu,
         tt=((1 - 2 * nu) * of.hoop + z * of.omega_hoop) / two_mu,
         zz=((2 * nu - 1) * of.omega_z + z * of.omega_zz) / two_mu,
-        # (u_r,z + u_z,r) / 2
-        rz=((1 - 2 * nu) * of.omega_r + of.omega_r + z * of.omega_rz - 2 * (1 - nu) * of.omega_r + z * of.omega_rz)
-        / (2 * two_mu),
+        rz=z * of.omega_rz / two_mu,  # (u_r,z + u_z,r) / 2, in which the terms of omega_r cancel
     )
 
 

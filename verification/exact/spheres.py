@@ -46,10 +46,6 @@ class LikeSpheres:
         """Radius c of the part that sticks."""
         return float(self.half_width * np.cbrt(1 - abs(load)))
 
-    def pressure(self, r: Floats) -> Floats:
-        """Pressure (n,) at distances (n,) from the axis."""
-        return self.peak * _ellipse(r, self.half_width)
-
     def shear(self, r: Floats, load: float) -> Floats:
         """Shear stress (n,) along x on the lower body, at distances (n,) from the axis."""
         a, c = self.half_width, self.stick(load)
@@ -88,24 +84,6 @@ class LikeSpheres:
         a, c = self.half_width, self.stick(load)
         # u = pi q0 a / (4 G) in the middle of an ellipse of peak q0, nu = 0 (Johnson, 3.42 with 3.91), G = E / 2
         return float(-np.sign(load) * self.friction * self.peak * np.pi / self.young * (a - c**2 / a))
-
-    def dissipation(self, load: float) -> float:
-        """Work of friction while the load grows from 0: of mu p over the slip, by quadrature."""
-        a, c = self.half_width, self.stick(load)
-        s, w = np.polynomial.legendre.leggauss(60)
-        first = np.arcsin(c / a)
-        angle = first + (np.pi / 2 - first) * (1 + s) / 2
-        r, weight = a * np.sin(angle), w * (np.pi / 2 - first) / 2 * a * np.cos(angle)
-        return float(np.sum(weight * 2 * np.pi * r * self.friction * self.pressure(r) * self.slip(r, load)))
-
-    def slip(self, r: Floats, load: float) -> Floats:
-        """Slip (n,) of the upper surface at distances (n,), c <= r <= a (Johnson, 3.41 and 3.42, nu = 0)."""
-        a, c = self.half_width, self.stick(load)
-        outer = np.pi / (4 * a) * (2 * a**2 - r**2)
-        ratio = c / r
-        inner = c / a * ((2 * c**2 - r**2) * np.arcsin(ratio) + c * r * np.sqrt(1 - ratio**2)) / (2 * c)
-        apart = -2 * self.friction * self.peak / self.young * (outer - inner)
-        return np.asarray(np.sign(load) * (apart - self.shift(abs(load))))
 
 
 def _ellipse(r: Floats, a: float) -> Floats:

@@ -1,25 +1,30 @@
 """Balance of the contact forces on slave and master, in problems that are hard on it.
 
-Exact: action and reaction. The forces of both sides come from one rule, at the same points and along the same normal,
-so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their moment,
-since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a tie has
-the moment_arm of the gap in it.)
+What the slave gets the master gives. The forces of both sides come from one rule, at the same points and along the same
+normal, so their resultant vanishes to rounding, however curved, warped or partly covered the skins are; so does their
+moment, since a slave point and its image on the master lie on the normal that the pressure acts along. (The jump of a
+tie has the moment arm of the gap in it.)
+
+Here skins are curved, warped, overhanging or rigid, non-matching and distorted, with facet and smoothed normals, on the
+undeformed and on the deformed bodies, under small and finite kinematics, with unilateral and bilateral contact, ties
+and several zones. Every other case with contact of this report has the same two results. They are relative to the sum
+of the sizes of the forces, and of the forces times their arms; in axisymmetry radial forces and moments balance all
+round, and the axial resultant alone is given.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from verification.meshes.blocks import bent, joined, nodes_of
-from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
-from verification.records import Case, Family, Outcome, at_least
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.meshes.stacks import LAYERS, block, moved, stack, tower
+from verification.records import Case, Family, Rows, at_least, problem, row
+from verification.solving import balanced, case_text, entry, fixed, solve
 
 Floats = NDArray[np.floating]
 CellPairs = tuple[tuple[str, str], ...]
@@ -45,7 +50,7 @@ class Touch:
     skin that moves and turns. `joint`: `contact` or `tie`, with its keys; `gap`: between the undeformed bodies.
     """
 
-    pairs: tuple[tuple[str, str], ...]
+    pairs: CellPairs
     model: str
     shape: str
     keys: Keys = ()
@@ -89,9 +94,9 @@ def text(given: Touch) -> str:
         given.model,
         entry("solver", threads=1),
         entry("material", law=law, young=YOUNG, poisson=POISSON),
-        *(entry("displacement", group=f"{a}0", **{f"u{a}": 0.0}) for a in "xy" if given.shape == "tower"),
+        *(fixed(f"{a}0", a) for a in "xy" if given.shape == "tower"),
         *(entry(given.joint, slave=f"slave{k}", master=f"master{k}", **dict(given.keys)) for k in zones),
-        entry("displacement", group="bottom", **{f"u{a}": 0.0 for a in axes}),
+        fixed("bottom", axes),
         entry("rigid", group="master", **down, rotation=_TURN[given.dim])
         if given.shape == "rigid"
         else entry("displacement", group="top", **top),
@@ -100,13 +105,14 @@ def text(given: Touch) -> str:
     )
 
 
-def run(given: Touch, *, levels: int) -> Outcome:
+@problem
+def run(given: Touch) -> Rows:
     """Solve every pair."""
     solutions = [solve(text(given), mesh_of(given, *pair)) for pair in given.pairs]
-    closed = min(_closed(solved) for solved in solutions)
+    yield from balanced(solutions)
+    closed = min(int((np.abs(zone.pressure) > 0).sum()) for solved in solutions for zone in solved.state.zones)
     reason = "balance means something only where forces are"
-    pressed = at_least("macro-elements in contact, the least of all pairs", closed, 1, source="the load", reason=reason)
-    return Outcome((*balanced(solutions), pressed))
+    yield at_least("macro-elements in contact, the least of all pairs", closed, 1, source="the load", reason=reason)
 
 
 def _placed(given: Touch, slave: str, master: str) -> Mesh:
@@ -117,7 +123,7 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
     if given.shape == "rigid":
         axis = "xyz"[up]
         lower, upper = (block(kind, (*(n,) * up, LAYERS), skew=0.05) for kind, n in ((slave, 3), (master, 2)))
-        face = skin(moved(upper, shift=np.eye(3)[up]), f"{axis}0")
+        face = moved(upper, shift=np.eye(3)[up]).only(f"{axis}0")
         return joined([(lower, {f"{axis}0": "bottom", f"{axis}1": "slave"}), (face, {f"{axis}0": "master"})])
     mesh = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
     x = mesh.points.copy()
@@ -127,89 +133,63 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
     return bent(mesh, lambda _: x)
 
 
-def _closed(solved: Solved) -> int:
-    """Number of macro-elements with a pressure, in the zone that has the fewest."""
-    return min(int((np.abs(zone.pressure) > 0).sum()) for zone in solved.state.zones)
-
-
 _PLANE: CellPairs = (
-    ("TRIA3", "QUAD8"),
-    ("QUAD4", "TRIA6"),
-    ("TRIA6", "QUAD4"),
-    ("QUAD9", "QUAD8"),
-    ("mixed 1", "mixed 2"),
-)
+    ("TRIA3", "QUAD8"), ("QUAD4", "TRIA6"), ("TRIA6", "QUAD4"), ("QUAD9", "QUAD8"), ("mixed 1", "mixed 2"),
+)  # fmt: skip
 _SOLID: CellPairs = (
-    *(("TETRA4", "HEXA8"), ("HEXA8", "TETRA10"), ("TETRA10", "HEXA20"), ("HEXA20", "PENTA6 triangle")),
-    *(("HEXA27", "PYRAM5 quadrangle"), ("PENTA15 quadrangle", "HEXA27"), ("PYRAM13 triangle", "TETRA4")),
-    *(("PENTA18 triangle", "HEXA8"), ("mixed 2", "mixed 1")),
-)
+    ("TETRA4", "HEXA8"), ("HEXA8", "TETRA10"), ("TETRA10", "HEXA20"), ("HEXA20", "PENTA6 triangle"),
+    ("HEXA27", "PYRAM5 quadrangle"), ("PENTA15 quadrangle", "HEXA27"), ("PYRAM13 triangle", "TETRA4"),
+    ("PENTA18 triangle", "HEXA8"), ("mixed 2", "mixed 1"),
+)  # fmt: skip
 _FEW: CellPairs = (("HEXA8", "TETRA4"), ("TETRA4", "HEXA20"), ("PENTA15 quadrangle", "HEXA8"))
-_FACET: Keys = (("normals", "facet"),)
-_SMOOTHED: Keys = (("normals", "smoothed"),)
+#: name -> keys of the contact
+_NORMALS: dict[str, Keys] = {"facet": (("normals", "facet"),), "smoothed": (("normals", "smoothed"),)}
 _CURRENT: Keys = (("geometry", "current"),)
-_HEXA: Keys = (("hexa", "hexa"),)
-_BOTH: Keys = (("type", "bilateral"),)
 
 
 def _case(name: str, description: str, given: Touch, seconds: float = 4.0, quick: bool = False) -> Case:
     dim = "axisymmetric" if given.model == "axisymmetric" else f"{given.dim}d"
-    levels = {"quick" if quick else "full": 1}
-    return Case("balance", f"{name}-{dim}", f"{description}, {dim}", partial(run, given), levels, seconds)
+    words = f"{description}, {dim}"
+    return row("balance", f"{name}-{dim}", words, run, given, quick=int(quick), full=1, seconds=seconds)
+
+
+def _of_model(model: str, pairs: CellPairs) -> Iterator[Case]:
+    """Cases that are the same in the plane, about an axis and in space."""
+    few, solid = pairs[:3] if model != "3d" else _FEW, model == "3d"
+    for name, keys in _NORMALS.items():
+        words, waves = f"interface in waves, {name} normals", f"waves-{name}"
+        yield _case(waves, words, Touch(pairs, model, "waves", keys), 6.0, model == "plane_strain")
+        now = Touch(few, model, "waves", keys + _CURRENT)
+        yield _case(f"{waves}-current", f"{words}, geometry current", now, 4.0, solid)
+        finite = Touch(few, model, "waves", keys, "finite", steps=2)
+        yield _case(f"{waves}-finite", f"{words}, finite kinematics", finite, 12.0)
+    for shape, words in (("overhang", "the slave reaches over the master's rim"), ("tucked", "a wider master")):
+        yield _case(shape, words, Touch(few, model, shape), 2.0, solid and shape == "overhang")
+        yield _case(f"{shape}-finite", f"{words}, finite", Touch(few, model, shape, (), "finite", steps=2), 8.0)
+    both = Touch(few, model, "waves", (("type", "bilateral"),))
+    yield _case("bilateral", "pressure of either sign", both, 2.0)
+    for name, words, gap in (("tie", "a tie", 0.0), ("tie-gap", "a tie across a gap", 0.07)):
+        yield _case(name, words, Touch(few, model, "waves", joint="tie", gap=gap), 2.0, solid and gap > 0)
 
 
 def _cases() -> Iterator[Case]:
     for model, pairs in (("plane_strain", _PLANE), ("axisymmetric", _PLANE), ("3d", _SOLID)):
-        few, solid = pairs[:3] if model != "3d" else _FEW, model == "3d"
-        for name, keys in (("facet", _FACET), ("smoothed", _SMOOTHED)):
-            description = f"interface in waves, {name} normals"
-            quick = model != "axisymmetric"
-            yield _case(f"waves-{name}", description, Touch(pairs, model, "waves", keys), 6.0, quick and not solid)
-            now = Touch(few, model, "waves", keys + _CURRENT)
-            yield _case(f"waves-{name}-current", f"{description}, geometry current", now, 4.0, solid)
-            finite = Touch(few, model, "waves", keys, "finite", steps=2)
-            yield _case(f"waves-{name}-finite", f"{description}, finite kinematics", finite, 12.0)
-        for shape, description in (
-            ("overhang", "the slave reaches over the master's rim"),
-            ("tucked", "a wider master"),
-        ):
-            yield _case(shape, description, Touch(few, model, shape), 2.0, solid and shape == "overhang")
-            yield _case(
-                f"{shape}-finite", f"{description}, finite", Touch(few, model, shape, (), "finite", steps=2), 8.0
-            )
-        yield _case("bilateral", "pressure of either sign", Touch(few, model, "waves", _BOTH), 2.0)
-        for gap in (0.0, 0.07):
-            words, description = ("tie-gap", "a tie across a gap") if gap else ("tie", "a tie")
-            yield _case(
-                words, description, Touch(few, model, "waves", (), joint="tie", gap=gap), 2.0, solid and gap > 0
-            )
-    for name, keys in (("facet", _FACET), ("smoothed", _SMOOTHED)):
+        yield from _of_model(model, pairs)
+    for name, keys in _NORMALS.items():
         curved = Touch((("TETRA10", "HEXA20"),), "3d", "waves", keys + _CURRENT)
-        yield _case(
-            f"curved-{name}-current", f"curved faces on curved faces, {name} normals, geometry current", curved, 15.0
-        )
+        words = f"curved faces on curved faces, {name} normals, geometry current"
+        yield _case(f"curved-{name}-current", words, curved, 15.0)
     for model, on in (("plane_strain", _PLANE[:2]), ("3d", _FEW)):
-        for kinematics in ("small", "finite"):
-            description = f"a rigid skin that comes down and turns, {kinematics} kinematics"
-            given = Touch(on, model, "rigid", (), kinematics, steps=2 if kinematics == "finite" else 1)
-            yield _case(f"rigid-{kinematics}", description, given, 4.0, kinematics == "small" and model == "3d")
-    for keys, name in (((), "pyramid"), (_HEXA, "hexa")):
-        warped = Touch((("HEXA8", "HEXA8"), ("HEXA20", "HEXA8"), ("HEXA8", "HEXA27")), "3d", "saddle", keys)
+        for kinematics, steps in (("small", 1), ("finite", 2)):
+            words = f"a rigid skin that comes down and turns, {kinematics} kinematics"
+            given = Touch(on, model, "rigid", (), kinematics, steps=steps)
+            yield _case(f"rigid-{kinematics}", words, given, 4.0, kinematics == "small" and model == "3d")
+    for name, hexa in (("pyramid", ()), ("hexa", (("hexa", "hexa"),))):
+        warped = Touch((("HEXA8", "HEXA8"), ("HEXA20", "HEXA8"), ("HEXA8", "HEXA27")), "3d", "saddle", hexa)
         yield _case(f"warped-{name}", f"quadrangles that are not plane, cut {name}", warped, 3.0, name == "hexa")
     for kinematics in ("small", "finite"):
         three = Touch((("HEXA8", "TETRA4"), ("PENTA6 quadrangle", "HEXA20")), "3d", "tower", (), kinematics)
         yield _case(f"tower-{kinematics}", f"three blocks, two zones, {kinematics} kinematics", three, 5.0)
 
 
-FAMILY = Family(
-    "balance",
-    "Balance of forces",
-    "What the slave gets the master gives: the resultant of the contact forces on both, and their moment, must vanish "
-    "to rounding on any skins. Here they are curved, warped, overhanging or rigid, non-matching and distorted, with "
-    "facet and smoothed normals, on the undeformed and on the deformed bodies, under small and finite kinematics, with "
-    "unilateral and bilateral contact, ties and several zones. Every other case with contact of this report has the "
-    "same two results.\n\n"
-    "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
-    "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
-    tuple(_cases()),
-)
+FAMILY = Family("balance", "Balance of forces", __doc__.partition("\n\n")[2], tuple(_cases()))

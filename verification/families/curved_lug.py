@@ -1,7 +1,7 @@
 """*Lug*: the pin in the eye of a lug, `data/pin_in_lug.step`, meshed by gmsh with TETRA4, against TETRA10 on the same
 faces with the gap between their own curved faces. The bore's edge digs into the longer pin, so that pressures are
-compared away from it. TETRA4 answer a given gap with pressures that scatter (with the true gap as much: `true` is told
-beside), so that it is the mean pressure, and how many macro-elements carry it, that are asked for.
+compared away from it. TETRA4 answer a given gap with pressures that scatter (with the true gap as much), so that it is
+the mean pressure, and how many macro-elements carry it, that are asked for.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver.problem.problem import Problem
-from verification.records import Case, Outcome, Result, at_most, equal, informative
-from verification.solving import Solved, balanced, case_text, entry, finished, with_true_gap
+from verification.records import Result, at_most, equal, problem
+from verification.solving import Solved, balanced, case_text, contact, entry, finished, fixed, material, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -38,45 +37,33 @@ _USED = (
     "stiffer than TETRA10, lack more of the number, as much as these, give or take two macro-elements"
 )
 _EDGE = "the goal of stars; the exact pressure at the edges is infinite, so that fewer pressures are lower there"
+#: largest errors of the number of macro-elements and of the pressure
+_CLOSED, _PRESSURE = 0.10, 0.15
 
 
-def solve_case(
-    sizes: tuple[float, ...] = (2.0, 1.2), closed: float = 0.10, pressure: float = 0.15, *, levels: int
-) -> Outcome:
-    """The lug on so many meshes: flat faces, smooth surfaces, the true gap; TETRA10. `sizes`: of the bore's faces."""
-    results: list[Result] = []
+@problem
+def solve_case(sizes: tuple[float, ...] = (2.0, 1.2), *, levels: int) -> Iterator[Result]:
+    """The lug on so many meshes: smooth surfaces, the true gap, and stars; TETRA10. `sizes`: of the bore's faces."""
     every: list[Solved] = []
     for size in sizes[:levels]:
         linear, quadratic = (meshed(size, order) for order in (1, 2))
-        solutions = {
-            "TETRA10": solved(quadratic, "faces"),
-            **{gap: solved(linear, gap) for gap in ("faces", "smooth", "true")},
-        }
-        every += solutions.values()
-        number, mean = np.transpose([away(own) for own in solutions.values()])
-        off = {gap: (number[k] / number[0] - 1, mean[k] / mean[0] - 1) for k, gap in enumerate(solutions)}
+        right, smooth, true = solved(quadratic, "faces"), solved(linear, "smooth"), solved(linear, "true")
+        starred = solved(linear, "smooth", "stars")
+        every += [right, smooth, true, starred]
+        (number, mean), mine, theirs = (away(own) for own in (right, smooth, true))
         # a count that no gap can better on these tetrahedra is not asked for; it is whole numbers, so give or take two
-        allowed = (max(closed, abs(off["true"][0]) + 2 / number[0]), pressure)
-        for gap in ("faces", "smooth", "true"):
-            results += _judged(gap, size, off[gap], allowed)
-        every.append(solved(linear, "smooth", "stars"))
+        closed = max(_CLOSED, abs(theirs[0] / number - 1) + 2 / number)
+        for name, error, allowed in (
+            ("macro-elements in contact", mine[0] / number - 1, closed),
+            ("mean pressure of contact", mine[1] / mean - 1, _PRESSURE),
+        ):
+            quantity = f"{name} away from the edges, smooth, size {size:g}, relative error"
+            yield at_most(quantity, abs(error), allowed, source=_SOURCE, reason=_USED)
         for where, far in ((" away from the edges", _AWAY), ("", np.inf)):
-            zones = (own.zone for own in (solutions["TETRA10"], solutions["smooth"], every[-1]))
-            right, cut, stars = (zone.pressure[np.abs(zone.centre[:, 1]) < far].max() for zone in zones)
-            name = f"highest pressure{where} over that of TETRA10, size {size:g}"
-            results.append(equal(f"{name}, stars", stars / right, 1.0, 0.15, source=_SOURCE, reason=_EDGE))
-            results.append(informative(f"{name}, cut", cut / right, reason="beside that of stars"))
-    return Outcome((*results, *balanced(every)))
-
-
-def _judged(gap: str, size: float, off: tuple[float, float], allowed: tuple[float, float]) -> Iterator[Result]:
-    names = "macro-elements in contact away from the edges", "mean pressure of contact away from the edges"
-    for name, value, bound in zip(names, off, allowed, strict=True):
-        quantity = f"{name}, {gap}, size {size:g}, relative error"
-        if gap == "smooth":
-            yield at_most(quantity, abs(value), bound, source=_SOURCE, reason=_USED)
-        else:
-            yield informative(quantity, value, reason="beside the smooth surfaces'")
+            peaks = [own.zone.pressure[np.abs(own.zone.centre[:, 1]) < far].max() for own in (starred, right)]
+            name = f"highest pressure{where} over that of TETRA10, size {size:g}, stars"
+            yield equal(name, peaks[0] / peaks[1], 1.0, 0.15, source=_SOURCE, reason=_EDGE)
+    yield from balanced(every)
 
 
 def away(own: Solved) -> tuple[int, float]:
@@ -100,15 +87,11 @@ def meshed(size: float, order: int) -> lacmesh.Mesh:
 def solved(mesh: lacmesh.Mesh, gap: str, macro: str = "cut") -> Solved:
     """Solve with the gap between `faces`, between `smooth` surfaces, or between the cylinders themselves (`true`)."""
     text = case_text(
-        "3d",
-        entry("material", young=210e3, poisson=0.3),
-        entry("contact", slave="bore", master="pin", macro=macro, surface="smooth" if gap == "smooth" else "faces"),
-        entry("displacement", group="bolt", ux=0.0, uy=0.0, uz=0.0),
-        entry("displacement", group="symmetry", ux=0.0),
-        entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
-        entry("traction", group="ends", tz=-300.0),
-        entry("steps", count=2),
-    )
+        "3d", material(210e3, 0.3),
+        contact("bore", "pin", macro=macro, surface="smooth" if gap == "smooth" else "faces"), fixed("bolt", "xyz"),
+        fixed("symmetry", "x"), entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
+        entry("traction", group="ends", tz=-300.0), entry("steps", count=2),
+    )  # fmt: skip
     problem = Problem.of(lacsolver.parse_case(text), mesh)
     return finished(with_true_gap(problem, _between_cylinders) if gap == "true" else problem)
 
@@ -125,8 +108,3 @@ def _reached(x: Floats, n: Floats, radius: float) -> Floats:
     a, b, c = (n * n).sum(axis=1), (n * x).sum(axis=1), (x * x).sum(axis=1) - radius**2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     return np.where(b > 0, root - b, -root - b) / a
-
-
-def cases(family: str) -> Iterator[Case]:
-    """Case of the lug; it needs gmsh."""
-    yield Case(family, "lug", "a pin in the eye of a lug from CAD, TETRA4", partial(solve_case), {"full": 2}, 90.0)

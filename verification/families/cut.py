@@ -1,8 +1,14 @@
 """The cut of the slave skin: what must hold of the cut mesh, counted for every type, facet, turn and variant.
 
-Exact: children fill their parent, the mesh conforms, every macro-element owns an internal dof, nothing is lost (Abbas,
-Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018; code_aster R5.03.55, 3.1). The properties are counted by
-`verification.measures.cutting`, from the two meshes; the verdict of `lacmesh.check` stands beside them.
+Every type of cell is cut by each of its facets, listed from each corner and both ways round, in each variant, and in
+the full suite by every set of its facets; blocks of every kind are cut by two sides that meet and, in the full suite,
+by faces between two cells. What must hold is counted from the meshes before and after: children fill their parent and
+are positive, the mesh conforms, what was not cut is unchanged, the children of a slave face stand in order and face as
+it did, every macro-element owns an internal dof, groups, numbers and data follow, and the order of cells and groups
+does not matter (Abbas, Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018; code_aster R5.03.55, 3.1). The
+verdict of `lacmesh.check` stands beside.
+
+Totals of cells and nodes are compared with those of code_aster's own test.
 """
 
 from __future__ import annotations
@@ -10,7 +16,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -24,12 +29,11 @@ from lacmesh.generate.parts import SPLITS, assembled, divided
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
 from verification.meshes.blocks import joined
 from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved
-from verification.records import Case, Family, Outcome, Result, at_least, at_most, equal, informative
+from verification.records import Case, Family, Rows, at_least, at_most, equal, informative, problem, row
 
 Ints = NDArray[np.integer]
 
 _SOURCE = "Abbas, Drouet, Hild, 2018; code_aster R5.03.55, 3.1"
-_ASTER = "code_aster, test zzzz383{0}, on a mesh of the same cells"
 #: what is counted beside `PROPERTIES`
 _ADDED = "types with another number of new nodes and cells than the rule's"
 _ORDER = "meshes that depend on the order of cells and groups"
@@ -81,12 +85,19 @@ class Trial:
     added: tuple[int, int] | None = None
 
 
-def compare_counts(rows: tuple[Counted, ...], *, levels: int) -> Outcome:
+@problem
+def compare_counts(rows: tuple[Counted, ...]) -> Rows:
     """Count cells and nodes after the cut."""
-    return Outcome(tuple(result for row in rows for result in _rows(row)))
+    for one in rows:
+        mesh = with_all(one.cell, one.order)
+        cut = lacmesh.cut_skin(mesh, [f"facet{k}" for k in one.slaves], hexa=one.hexa or "pyramid").mesh
+        source = f"code_aster, test zzzz383{one.name}, on a mesh of the same cells"
+        for what, count, wanted in (("cells", cut.n_cells, one.n_cells), ("nodes", cut.n_nodes, one.n_nodes)):
+            yield equal(f"{what} of {one.name}", count, wanted, 0, source=source, reason="a count")
 
 
-def run(dim: int, cells: tuple[str, ...], blocks: tuple[str, ...], *, levels: int) -> Outcome:
+@problem
+def run(dim: int, cells: tuple[str, ...], blocks: tuple[str, ...], *, levels: int) -> Rows:
     """Cut single `cells` by every facet, turn and variant, and small `blocks` of a kind by several sides, and count;
     `dim` of all. A second level has every set of a cell's faces, and slave faces between two cells.
     """
@@ -97,10 +108,13 @@ def run(dim: int, cells: tuple[str, ...], blocks: tuple[str, ...], *, levels: in
         cut = lacmesh.cut_skin(trial.mesh, trial.slave, hexa=trial.hexa)
         for name, wrong in broken(trial, cut).items():
             counters[name][trial.label] += wrong
-        worst = min(worst, _quality(cut))
-    results = [_none(name, counters[name], count) for name in _COUNTED]
+        quality = lacmesh.measure_quality(cut.mesh, "body", "corner_jacobian")
+        worst = min(worst, *(part.measures["corner_jacobian"].least for part in quality.types))
+    for name, counter in counters.items():
+        first = next((f"; first: {label}" for label, wrong in counter.items() if wrong), "")
+        yield at_most(name, sum(counter.values()), 0, source=_SOURCE, reason=f"counted in {count} bodies{first}")
     reason = f"of {count} bodies, in cells that are sheared by up to a quarter: it depends on the cells that are cut"
-    return Outcome((*results, informative("worst corner Jacobian of a cell", worst, reason=reason)))
+    yield informative("worst corner Jacobian of a cell", worst, reason=reason)
 
 
 def broken(trial: Trial, cut: Cut) -> dict[str, int]:
@@ -239,22 +253,21 @@ def _apart(meshes: Sequence[Mesh]) -> Mesh:
 _MEAN = {"TETRA4": 7.0, "HEXA8": 4.3, "TETRA10": 2.03}
 
 
-def solve_stars(cell: str, *, levels: int) -> Outcome:
+@problem
+def solve_stars(cell: str, *, levels: int) -> Rows:
     """Stars of whole faces on so many distorted boxes and octants of spheres of `cell`."""
     boxes = [(box((33, 31, 1), kind=cell, distortion=0.12, seed=seed), "top") for seed in range(levels)]
     balls = [(sphere(14, kind=cell, distortion=0.12, seed=seed), "outer") for seed in range(levels)]
     cuts = [(lacmesh.cut_skin(mesh, slave, macro="stars"), slave) for mesh, slave in (*boxes, *balls)]
     found = [lacmesh.check(cut.mesh, slave).summary for cut, slave in cuts]
-    faces = [np.array([len(own) for own in cut.faces_of_macro]) for cut, _ in cuts]
     lost = sum(cut.n_macros - one["with_internal_dof"] for (cut, _), one in zip(cuts, found, strict=True))
-    share = min(one["least_integral"] for one in found)
+    yield at_most("macro-elements without a dof of their own", lost, 0, source=_SOURCE)
+    share, name = min(one["least_integral"] for one in found), "integral of a carrier's function"
+    yield at_least(f"{name}, as a part of its macro-element", share, 0.1, source=_SOURCE)
+    faces = [np.array([len(own) for own in cut.faces_of_macro]) for cut, _ in cuts]
     name, source = "faces of a macro-element", "the largest set of nodes, no two of which are on one face"
-    return Outcome((
-        at_most("macro-elements without a dof of their own", lost, 0, source=_SOURCE),
-        at_least("integral of a carrier's function, as a part of its macro-element", share, 0.1, source=_SOURCE),
-        at_most(f"{name}, mean", max(own.mean() for own in faces), _MEAN[cell], source=source),
-        at_most(f"{name}, most", max(own.max() for own in faces), 12, source=source),
-    ))  # fmt: skip
+    yield at_most(f"{name}, mean", max(own.mean() for own in faces), _MEAN[cell], source=source)
+    yield at_most(f"{name}, most", max(own.max() for own in faces), 12, source=source)
 
 
 def _ways(name: str) -> tuple[str, ...]:
@@ -274,29 +287,6 @@ def _dressed(mesh: Mesh) -> Mesh:
         node_groups={"every": nodes},
         cell_data={"colour": np.sin(cells)},
         node_data={"where": mesh.points.copy()},
-    )
-
-
-def _quality(cut: Cut) -> float:
-    """The least corner Jacobian, 1 for a type's ideal cell, of the cells that fill the space."""
-    quality = lacmesh.measure_quality(cut.mesh, "body", "corner_jacobian")
-    return min(part.measures["corner_jacobian"].least for part in quality.types)
-
-
-def _none(name: str, counter: Counter[str], trials: int) -> Result:
-    """Result for a count that must be zero."""
-    first = next((label for label, count in counter.items() if count), None)
-    reason = f"counted in {trials} bodies" + (f"; first: {first}" if first else "")
-    return at_most(name, sum(counter.values()), 0, source=_SOURCE, reason=reason)
-
-
-def _rows(row: Counted) -> tuple[Result, Result]:
-    mesh = with_all(row.cell, row.order)
-    cut = lacmesh.cut_skin(mesh, [f"facet{k}" for k in row.slaves], hexa=row.hexa or "pyramid").mesh
-    count = partial(equal, tolerance=0, source=_ASTER.format(row.name), reason="a count")
-    return (
-        count(f"cells of {row.name}", cut.n_cells, row.n_cells),
-        count(f"nodes of {row.name}", cut.n_nodes, row.n_nodes),
     )
 
 
@@ -320,31 +310,16 @@ def _cases() -> Iterator[Case]:
     for family in ("TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"):
         cells = tuple(name for name, cell in CELLS.items() if cell.family == family)
         blocks = tuple(kind for kind in (*PLANE_KINDS, *SOLID_KINDS) if kind.split()[0] in cells)
-        description = (
-            f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
-        )
-        solve = partial(run, CELLS[cells[0]].dim, cells, blocks)
-        yield Case("cut", family, description, solve, {"quick": 1, "full": 2}, 8.0)
+        words = f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
+        yield row("cut", family, words, run, CELLS[cells[0]].dim, cells, blocks, quick=1, full=2, seconds=8.0)
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
-        mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
-        solve = partial(run, dim, (), mixed)
-        yield Case("cut", f"mixed-{dim}d", f"blocks of mixed cells in {dim}D", solve, {"quick": 1, "full": 2}, 3.0)
+        mixed, words = tuple(kind for kind in kinds if kind.startswith("mixed")), f"blocks of mixed cells in {dim}D"
+        yield row("cut", f"mixed-{dim}d", words, run, dim, (), mixed, quick=1, full=2, seconds=3.0)
     for cell in _MEAN:
-        yield Case("cut", f"{cell}-stars", f"stars of whole faces on skins of {cell}", partial(solve_stars, cell),
-                   {"quick": 1, "full": 3}, 2.0)  # fmt: skip
-    yield Case("cut", "counts", "cells and nodes as code_aster's test of its cut counts them",
-               partial(compare_counts, _ROWS), {"quick": 1}, 1.0)  # fmt: skip
+        words = f"stars of whole faces on skins of {cell}"
+        yield row("cut", f"{cell}-stars", words, solve_stars, cell, quick=1, full=3, seconds=2.0)
+    words = "cells and nodes as code_aster's test of its cut counts them"
+    yield row("cut", "counts", words, compare_counts, _ROWS, quick=1, seconds=1.0)
 
 
-FAMILY = Family(
-    "cut",
-    "The cut",
-    "Every type of cell is cut by each of its facets, listed from each corner and both ways round, in each variant, "
-    "and in the full suite by every set of its facets; blocks of every kind are cut by two sides that meet and, in "
-    "the full suite, by faces between two cells. What must hold is counted from the meshes before and after: children "
-    "fill their parent and are positive, the mesh conforms, what was not cut is unchanged, the children of a slave "
-    "face stand in order and face as it did, every macro-element owns an internal dof, groups, numbers and data "
-    "follow, and the order of cells and groups does not matter.\n\n"
-    "Totals of cells and nodes are compared with those of code_aster's own test.",
-    tuple(_cases()),
-)
+FAMILY = Family("cut", "The cut", __doc__.partition("\n\n")[2], tuple(_cases()))

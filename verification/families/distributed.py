@@ -8,9 +8,8 @@ not depend on the number of processes, nor on the preconditioner. Each process r
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +24,8 @@ from verification.families.sliding import MESHES, Dragged, Slider
 from verification.meshes.bars import bar_on_wall, bars
 from verification.meshes.sliding import slider
 from verification.mpiexec import missing
-from verification.pages.charts import Line, Plot
-from verification.records import Case, Family, Outcome, Result, at_least, at_most
-from verification.solving import Solved, balance_of, case_text, entry, solve, worst
+from verification.records import Case, Family, Rows, at_least, at_most, problem, row
+from verification.solving import Solved, balance_of, case_text, contact, entry, fixed, solve, worst
 
 _SIDES = [(axis, f"{axis}{end}") for axis in "xy" for end in "01"]
 
@@ -59,11 +57,11 @@ def _text(model: str, *tables: str, finite: bool = False, end: float = 1.0, coun
 
 def _held(dim: int) -> list[str]:
     """Conditions by which waves are those of one dimension."""
-    return [entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in _SIDES[: 2 * (dim - 1)]]
+    return [fixed(side, axis) for axis, side in _SIDES[: 2 * (dim - 1)]]
 
 
-_CONTACT = entry("contact", slave="slave", master="master")
-_BOTTOM = entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0)
+_CONTACT = contact()
+_BOTTOM = fixed("bottom", "xyz")
 _NO_LOAD = {"fx": 0.0, "fy": 0.0, "fz": 0.0, "moment": [0.0, 0.0, 0.0]}
 #: name -> the text of the case, and what makes the mesh
 _PROBLEMS: dict[str, tuple[str, Callable[[], Mesh]]] = {
@@ -91,7 +89,7 @@ _PROBLEMS: dict[str, tuple[str, Callable[[], Mesh]]] = {
     "plate": (
         _text(
             "plane_strain", entry("contact", slave="slave", master="wall"),
-            entry("displacement", group="top", ux=0.0, uy=0.0),
+            fixed("top", "xy"),
             entry("rigid", group="wall", fy="0.01 * t", moment=0.0), finite=True,
         ),
         lambda: bar_on_wall("QUAD8", 8),
@@ -124,21 +122,23 @@ BACKENDS = ("multigrid", "gamg", "hypre", "mumps")
 #: numbers of processes, and the backends that each solves with
 RANKS: Ranks = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("multigrid",)))
 #: the same for cases of dozens of steps: each backend, and several numbers, once
-FEW: Ranks = (
-    (2, ("multigrid", "mumps")),
-    (3, ("hypre", "gamg")),
-    (4, ("multigrid",)),
-)
+FEW: Ranks = ((2, ("multigrid", "mumps")), (3, ("hypre", "gamg")), (4, ("multigrid",)))
 #: tolerance of Newton's method in these
 _TIGHT = 1e-11
 #: bounds of the difference from one process, relative to the largest value of the step
 U, P, BALANCED = 1e-9, 5e-9, 1e-10
 _SOURCE = "one process (engine serial), on the whole mesh"
-_REASON = {
-    "u": "linear systems are solved to 1e-10 of the forces; the condition of the bodies multiplies it",
-    "p": "the same, and a pressure is a difference of neighbouring forces",
-    "set": "the active set is the same, or it is another solution",
-}
+_LINEAR = "linear systems are solved to 1e-10 of the forces; the condition of the bodies multiplies it"
+#: what is compared: fields of a `Difference`, names, bounds, sources and reasons
+_COMPARED = (
+    ("sets", "macro-elements in another state", 0, _SOURCE, "the active set is the same, or it is another solution"),
+    ("u", "displacement, relative difference", U, _SOURCE, _LINEAR),
+    ("p", "pressure, relative difference", P, _SOURCE,
+     "the same, and a pressure is a difference of neighbouring forces"),
+    ("motion", "velocities and energies, relative difference", U, _SOURCE, _LINEAR),
+    ("balance", "balance of forces and moments", BALANCED, "action and reaction",
+     "of the contact forces that are gathered from all processes"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
     if isinstance(given, Touch):
         yield from ((balance.text(given), balance.mesh_of(given, *pair)) for pair in given.pairs)
     elif isinstance(given, Press):
-        yield from ((patch.text(given), patch.mesh_of(given, *pair, True)) for pair in given.pairs)
+        yield from ((patch.text(given), patch.mesh_of(given, *pair)) for pair in given.pairs)
     elif isinstance(given, Free):
         yield given.text, given.mesh
     elif isinstance(given, Slider):
@@ -171,30 +171,24 @@ def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
         yield sliding.dragged_text(given, given.steps[0]), MESHES[given.mesh](given.sizes[0])
 
 
-def run(problem: Borrowed, title: str, ranks: Ranks = RANKS, *, levels: int) -> Outcome:
+@problem
+def run(problem: Borrowed, title: str, ranks: Ranks = RANKS) -> Rows:
     """Solve a problem of another family, or a `Free` one, in one process and in several, and compare.
 
     `ranks`: numbers of processes, and the backends that each solves with.
     """
     cases = {f"case{k}": each for k, each in enumerate(problems(problem))}
     alone = {name: solve(*each) for name, each in cases.items()}
-    differences = list(_differences(ranks, cases, alone))
-    closed = min(int((_found(solved)[-1].status == 1).sum()) for solved in alone.values())
-    reason = "processes agree on nothing where nothing touches"
-    pressed = at_least("closed macro-elements at the end, the least of all problems", closed, 1, source="the load",
-                       reason=reason)  # fmt: skip
-    return Outcome((*_judged(differences), pressed), (_plot(title, differences),))
-
-
-def _differences(
-    ranks: Ranks, cases: Mapping[str, tuple[str, Mesh]], alone: Mapping[str, Solved]
-) -> Iterator[Difference]:
-    """Yield the difference of each problem, number of processes and backend."""
+    differences = []
     for n, backend in ((n, backend) for n, backends in ranks for backend in backends):
         with tempfile.TemporaryDirectory() as folder:
             several = solve_divided(cases, n, backend, Path(folder))
-        for name, states in several.items():
-            yield compared(alone[name], states, n, backend)
+        differences += [compared(alone[name], states, n, backend) for name, states in several.items()]
+    yield from _judged(differences)
+    closed = min(int((_found(solved)[-1].status == 1).sum()) for solved in alone.values())
+    name = "closed macro-elements at the end, the least of all problems"
+    reason = "processes agree on nothing where nothing touches"
+    yield at_least(name, closed, 1, source="the load", reason=reason)
 
 
 def compared(alone: Solved, states: Sequence[WholeState], n: int, backend: str) -> Difference:
@@ -205,19 +199,15 @@ def compared(alone: Solved, states: Sequence[WholeState], n: int, backend: str) 
         raise FailedError(f"{n} processes with {backend} took {len(times)} steps, and one process {len(wanted)}")
     pairs = list(zip(states, expected, strict=True))
     forces = worst(balance_of(alone.problem, one.u.ravel(), list(one.force)) for one in states)
-    return Difference(
-        n,
-        backend,
-        max(int((one.status != other.status).sum()) for one, other in pairs),
-        max(_relative(one.u, other.u) for one, other in pairs),
-        max(_relative(one.pressure, other.pressure) for one, other in pairs),
-        max(forces.force, forces.moment),
-        max((_moving(one, other) for one, other in pairs if len(other.energies)), default=None),
-    )
 
+    def largest(*fields: str) -> float | None:
+        values = ((getattr(one, field), getattr(other, field)) for field in fields for one, other in pairs)
+        return max((_relative(*two) for two in values if two[1].size), default=None)
 
-def _moving(one: WholeState, other: WholeState) -> float:
-    return max(_relative(one.velocity, other.velocity), _relative(one.energies, other.energies))
+    sets = max(int((one.status != other.status).sum()) for one, other in pairs)
+    u, p, motion = largest("u"), largest("pressure"), largest("velocity", "energies")
+    assert u is not None and p is not None
+    return Difference(n, backend, sets, u, p, max(forces), motion)
 
 
 def _found(alone: Solved) -> list[WholeState]:
@@ -230,35 +220,15 @@ def _relative(values: Floats, expected: Floats) -> float:
     return far / size if size else np.inf if far else 0.0
 
 
-def _judged(differences: Sequence[Difference]) -> Iterator[Result]:
+def _judged(differences: Sequence[Difference]) -> Rows:
     """Criteria for each backend: the worst of all numbers of processes and problems."""
     for backend in dict.fromkeys(one.backend for one in differences):
         own = [one for one in differences if one.backend == backend]
         which = f"{backend}, n = {', '.join(map(str, dict.fromkeys(one.n for one in own)))}"
-        for what, name, bound, reason in (
-            ("sets", "macro-elements in another state", 0, _REASON["set"]),
-            ("u", "displacement, relative difference", U, _REASON["u"]),
-            ("p", "pressure, relative difference", P, _REASON["p"]),
-        ):
-            value = max(getattr(one, what) for one in own)
-            yield at_most(f"{name}: {which}", value, bound, source=_SOURCE, reason=reason)
-        moving = [one.motion for one in own if one.motion is not None]
-        if moving:
-            yield at_most(f"velocities and energies, relative difference: {which}", max(moving), U, source=_SOURCE,
-                          reason=_REASON["u"])  # fmt: skip
-        value = max(one.balance for one in own)
-        yield at_most(f"balance of forces and moments: {which}", value, BALANCED, source="action and reaction",
-                      reason="of the contact forces that are gathered from all processes")  # fmt: skip
-
-
-def _plot(title: str, differences: Sequence[Difference]) -> Plot:
-    """Differences of displacement over the number of processes, the worst of all problems."""
-    lines = []
-    for backend in dict.fromkeys(one.backend for one in differences):
-        counts = sorted({one.n for one in differences if one.backend == backend})
-        values = [max(one.u for one in differences if (one.n, one.backend) == (n, backend)) for n in counts]
-        lines.append(Line(backend, tuple(map(float, counts)), tuple(max(v, 1e-17) for v in values)))
-    return Plot("difference", title, "processes", "relative difference of u", tuple(lines), log_y=True)
+        for field, name, bound, source, reason in _COMPARED:
+            values = [getattr(one, field) for one in own if getattr(one, field) is not None]
+            if values:
+                yield at_most(f"{name}: {which}", max(values), bound, source=source, reason=reason)
 
 
 # ---- the cases
@@ -272,60 +242,42 @@ SOLID = (
     *(("HEXA27", "PYRAM5 quadrangle"), ("PENTA15 quadrangle", "HEXA27"), ("PYRAM13 triangle", "TETRA4")),
     *(("PENTA18 triangle", "HEXA8"), ("TETRA4", "PYRAM14 quadrangle"), ("mixed 2", "mixed 1")),
 )
-_FEW = {"plane_strain": PLANE[:2], "axisymmetric": PLANE[1:3], "3d": (("HEXA8", "TETRA4"),)}
+_FEW = {"2d": PLANE[:2], "axisymmetric": PLANE[1:3], "3d": (("HEXA8", "TETRA4"),)}
+_MODELS = {"2d": "plane_strain", "axisymmetric": "axisymmetric", "3d": "3d"}
 
 
-def _case(name: str, description: str, problem: Borrowed, seconds: float = 60.0, ranks: Ranks = RANKS) -> Case:
-    return Case(FAMILY_NAME, name, description, partial(run, problem, description, ranks), {"all": 1}, seconds)
+def _case(name: str, words: str, problem: Borrowed, seconds: float = 60.0, ranks: Ranks = RANKS) -> Case:
+    return row(FAMILY_NAME, name, words, run, problem, words, ranks, every=1, seconds=seconds)
 
 
-def _balanced() -> Iterator[Case]:
-    """Problems of the family `balance`."""
-    for dim, model, pairs in (("2d", "plane_strain", PLANE), ("axisymmetric", "axisymmetric", PLANE),
-                              ("3d", "3d", SOLID)):  # fmt: skip
-        few = _FEW[model]
-        yield _case(f"cells-{dim}", f"every kind of cells, {dim}", Touch(pairs, model, "waves", _FACET), 120.0)
-        finite = Touch(few, model, "waves", _SMOOTHED, "finite", steps=2)
+def _cases() -> Iterator[Case]:
+    """Problems of the family `balance`; bodies that contact alone holds; motions; problems of the family `sliding`."""
+    for dim, model in _MODELS.items():
+        every = Touch(SOLID if dim == "3d" else PLANE, model, "waves", _FACET)
+        yield _case(f"cells-{dim}", f"every kind of cells, {dim}", every, 120.0)
+        finite = Touch(_FEW[dim], model, "waves", _SMOOTHED, "finite", steps=2)
         yield _case(f"finite-{dim}", f"finite kinematics, smoothed normals, {dim}", finite)
-    for dim, model in (("2d", "plane_strain"), ("3d", "3d")):
-        few = _FEW[model]
-        yield _case(f"tie-{dim}", f"a tie across a gap, {dim}", Touch(few, model, "waves", (), joint="tie", gap=0.07))
+    for dim in ("2d", "3d"):
+        few, model = _FEW[dim], _MODELS[dim]
+        yield _case(f"tie-{dim}", f"a tie across a gap, {dim}", Touch(few, model, "waves", joint="tie", gap=0.07))
         yield _case(f"overhang-{dim}", f"a slave wider than its master, {dim}", Touch(few, model, "overhang"))
         rigid = Touch(few[:1], model, "rigid", (), "finite", steps=2)
         yield _case(f"rigid-{dim}", f"a rigid skin that comes down and turns, finite kinematics, {dim}", rigid)
-    stars = Touch((("TETRA4", "HEXA8"), ("HEXA8", "TETRA4")), "3d", "waves", (("macro", "stars"),))
-    yield _case("stars-3d", "macro-elements of whole faces, 3d", stars)
-    bilateral = Touch(_FEW["3d"], "3d", "waves", (("type", "bilateral"),))
-    yield _case("bilateral-3d", "pressure of either sign, 3d", bilateral)
-    warped = Touch((("HEXA20", "HEXA8"),), "3d", "saddle", (("hexa", "hexa"),))
-    yield _case("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
-
-
-def _floating() -> Iterator[Case]:
-    """Bodies that contact alone holds."""
+    one, both = _FEW["3d"], (("TETRA4", "HEXA8"), ("HEXA8", "TETRA4"))
+    floats = "patch test: the upper block floats on the lower one under a pressure"
     plane = Press((("QUAD4", "TRIA3"), ("TRIA6", "QUAD8")), "plane_strain", contact=_FACET)
-    yield _case("floating-2d", "patch test: the upper block floats on the lower one under a pressure, 2d", plane)
     solid = Press((("HEXA8", "TETRA4"), ("TETRA10", "HEXA8")), contact=_FACET)
-    yield _case("floating-3d", "patch test: the upper block floats on the lower one under a pressure, 3d", solid)
-    three = Touch((("HEXA8", "TETRA4"),), "3d", "tower", ())
-    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", three)
+    three = Touch(one, "3d", "tower", ())
+    warped = Touch((("HEXA20", "HEXA8"),), "3d", "saddle", (("hexa", "hexa"),))
+    bilateral = Touch(one, "3d", "waves", (("type", "bilateral"),))
+    yield _case("stars-3d", "macro-elements of whole faces, 3d", Touch(both, "3d", "waves", (("macro", "stars"),)))
+    yield _case("bilateral-3d", "pressure of either sign, 3d", bilateral)
+    yield _case("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
+    yield _case("floating-2d", f"{floats}, 2d", plane)
+    yield _case("floating-3d", f"{floats}, 3d", solid)
+    yield _case("tower-small", "three blocks, two zones, the middle one fixed by contact alone", three)
     yield _case("tower-finite", "the same, finite kinematics", replace(three, kinematics="finite"), 90.0)
-
-
-def _sliding() -> Iterator[Case]:
-    """Problems of the family `sliding`, on its coarsest meshes."""
-    for case in sliding.FAMILY.cases:
-        given = case.solve.args[0]
-        if isinstance(given, Dragged):  # of its own tolerance 1e-7 of u is left near a limit point
-            tight = replace(given, tolerance=_TIGHT)
-            yield _case(case.name, case.description, tight, 2 * case.seconds, FEW)
-        else:
-            yield _case(case.name, case.description, given, 15 * case.seconds)
-
-
-def _moving_cases() -> Iterator[Case]:
-    """Impacts, and free rigid bodies."""
-    for name, description, ranks in (
+    for name, words, ranks in (
         ("bars", "a bar hits another, 2d", FEW),
         ("spin", "a bar that spins hits another, finite kinematics, 3d", FEW),
         ("top", "a rigid top that is pushed and turned, 3d", RANKS),
@@ -333,7 +285,13 @@ def _moving_cases() -> Iterator[Case]:
         ("wall", "a bar hits a free wall that turns, finite kinematics, 2d", FEW),
         ("thrown", "a body with a free rigid top is thrown on another, 3d", FEW),
     ):
-        yield _case(f"free-{name}", description, Free(name), 90.0, ranks)
+        yield _case(f"free-{name}", words, Free(name), 90.0, ranks)
+    for case in sliding.FAMILY.cases:
+        given = case.solve.args[0]
+        if isinstance(given, Dragged):  # of its own tolerance 1e-7 of u is left near a limit point
+            yield _case(case.name, case.description, replace(given, tolerance=_TIGHT), 2 * case.seconds, FEW)
+        else:
+            yield _case(case.name, case.description, given, 15 * case.seconds)
 
 
 TEXT = f"""
@@ -349,10 +307,4 @@ at most {P:g}, and the contact forces that are gathered from all processes be in
 Of impacts velocities and energies are compared, too.
 """
 
-FAMILY = Family(
-    FAMILY_NAME,
-    "Several processes",
-    TEXT,
-    (*_balanced(), *_floating(), *_moving_cases(), *_sliding()),
-    missing,
-)
+FAMILY = Family(FAMILY_NAME, "Several processes", TEXT, tuple(_cases()), missing)

@@ -4,37 +4,25 @@ from __future__ import annotations
 
 from verification.families import (
     friction_bank,
+    friction_blocks,
     friction_bodies,
     friction_cattaneo,
-    friction_cost,
-    friction_inf_sup,
-    friction_lids,
-    friction_motion,
     friction_moving,
-    friction_patch,
     friction_published,
-    friction_seats,
 )
 from verification.records import Family
 
-NAME = "friction"
-
 _PROBLEMS = (
-    friction_patch,
-    friction_inf_sup,
+    friction_blocks,
     friction_cattaneo,
     friction_bodies,
     friction_moving,
-    friction_motion,
     friction_published,
     friction_bank,
-    friction_lids,
-    friction_seats,
-    friction_cost,
 )
 FAMILY = Family(
-    NAME,
+    "friction",
     "Friction",
     "\n\n".join(own.__doc__ or "" for own in _PROBLEMS),
-    tuple(case for problems in _PROBLEMS for case in problems.cases(NAME)),
+    tuple(case for problems in _PROBLEMS for case in problems.cases("friction")),
 )

@@ -3,14 +3,22 @@ sheared, rocked and twisted by as much as or four times as much as it is pressed
 stick, slide and turn round in one step; mu from 0.1 to 1.5. Every step must be solved at once, without a cutback. In
 the plane the tractions are those of Lemke's method and of a fixed point on Tresca's bounds; in space they meet all
 conditions on matrices that are condensed by other means. Other units of length and stress give the same iterations.
+
+**Lids.** A lid, tied to a column, is pressed and pushed on two blocks: rows of the two zones depend on each other
+through the column, and sets of rows return under pivoting in several of a hundred such lids. All random lids must be
+solved at once, without a cutback, with small strains on either geometry and with finite ones; two known ones with the
+forces of projected Gauss-Seidel on the same matrices.
+
+**Seats.** A cylinder settles under its weight in a groove of 90 degrees, and a ball in a cone: it slides down the
+flank, which carries it with N and mu N. So the force across is (1 - mu) / (1 + mu) times the weight. Sets of rows of
+such a seat return under pivoting; all must be solved without a cutback.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +31,12 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import State
 from verification.exact.coulomb import Condensed, condensed, lemke, tresca
-from verification.meshes.blocks import bent
+from verification.meshes.blocks import bent, joined
+from verification.meshes.friction import seated
+from verification.meshes.half_spaces import piece
 from verification.meshes.stacks import stack
-from verification.records import Case, Outcome, at_most, informative
-from verification.solving import case_text, entry, model_of, with_motions
+from verification.records import Case, Result, at_most, equal, problem, row
+from verification.solving import balanced, case_text, contact, entry, fixed, material, model_of, solve, with_motions
 
 Floats = NDArray[np.floating]
 
@@ -38,45 +48,26 @@ ITERATIONS, SAME = {2: 5.0, 3: 8.0}, 1e-8
 _SOURCE = {2: "measured on a prototype: 4.2, at most 57", 3: "measured on a prototype: 7.1, at most 15"}
 
 
-@dataclass(frozen=True)
-class FrictionBank:
-    """Random problems on blocks of each of some cells, for every mu and severity."""
-
-    cells: tuple[str, ...]
-    dim: int
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Cells along a side of the lower and of the upper block."""
-        return (8, 7) if self.dim == 2 else (4, 3)
-
-
-def mesh_of(bank: FrictionBank, cell: str, unit: float = 1.0) -> Mesh:
-    """The blocks, the lower one with the slave."""
-    mesh = stack(cell, cell, bank.dim, counts=bank.counts, bend=0.3, skew=0.1 if bank.dim == 3 else 0.0)
-    return bent(mesh, lambda x: unit * x)
+def mesh_of(cell: str, dim: int, unit: float = 1.0) -> Mesh:
+    """The blocks of cells of a type, the lower one with the slave."""
+    counts = (8, 7) if dim == 2 else (4, 3)
+    return bent(stack(cell, cell, dim, counts=counts, bend=0.3, skew=0.1 * (dim - 2)), lambda x: unit * x)
 
 
 def case_of(
-    bank: FrictionBank, friction: float, severity: float, seed: int, unit: float = 1.0, stress: float = 1.0
+    dim: int, friction: float, severity: float, seed: int, unit: float = 1.0, stress: float = 1.0
 ) -> lacsolver.Case:
     """The case: STEPS steps, the top moved in each by a random rigid motion."""
-    axes = "xyz"[: bank.dim]
     text = case_text(
-        model_of(bank.dim),
-        entry("material", groups=["lower"], young=stress, poisson=0.3),
-        entry("material", groups=["upper"], young=3 * stress, poisson=0.2),
-        entry("contact", slave="slave", master="master", friction=friction),
-        entry("displacement", group="bottom", **{f"u{a}": 0.0 for a in axes}),
-        entry("steps", times=[float(k + 1) for k in range(STEPS)], max_halvings=0),
-        entry("solver", max_iterations=100),
-    )
-    shift, turn = motions(bank.dim, friction, severity, seed)
+        model_of(dim), material(stress, 0.3, groups=["lower"]), material(3 * stress, 0.2, groups=["upper"]),
+        contact(friction=friction), fixed("bottom", "xyz"[:dim]),
+        entry("steps", times=[float(k + 1) for k in range(STEPS)], max_halvings=0), entry("solver", max_iterations=100),
+    )  # fmt: skip
+    shift, turn = motions(dim, friction, severity, seed)
 
     def moved(x: Floats, t: float) -> Floats:
-        step, centre = min(round(t), STEPS) - 1, unit * np.array([0.5, *([0.5] * (bank.dim - 2)), 2.0])
-        arm = x[:, : bank.dim] - centre
-        return np.stack([unit * shift[step, k] + arm @ turn[step, k] for k in range(bank.dim)], axis=1)
+        step, centre = min(round(t), STEPS) - 1, unit * np.array([0.5, *([0.5] * (dim - 2)), 2.0])
+        return np.asarray(unit * shift[step] + (x[:, :dim] - centre) @ turn[step].T)
 
     return with_motions(text, {"top": moved})
 
@@ -94,40 +85,28 @@ def motions(dim: int, friction: float, severity: float, seed: int) -> tuple[Floa
     return shift, turn
 
 
-# ---- the same problem on condensed matrices
-
-
-@dataclass
 class Condenser:
     """The problem of a case on its matrices: dense, the supports taken out; the anchors of slip as steps go on."""
 
-    problem: Problem
-    friction: float
-
-    def __post_init__(self) -> None:
-        (joint,) = self.problem.joints
-        face = integrate(joint.zone, self.problem.space.dim, replace(joint.pairing, friction=True))
-        none = np.zeros(self.problem.space.n_dof)
-        self.K = self.problem.kinematics.tangent(none, 1.0).toarray()
+    def __init__(self, problem: Problem, friction: float) -> None:
+        (joint,) = problem.joints
+        face = integrate(joint.zone, problem.space.dim, replace(joint.pairing, friction=True))
         assert face.B_T is not None
-        self.B, self.B_T, self.G, self.w = face.B.toarray(), face.B_T.toarray(), face.G, face.w
-        self.free = self.problem.constraints.free
-        self.anchor = np.zeros(len(self.B_T))
+        self.K = problem.kinematics.tangent(np.zeros(problem.space.n_dof), 1.0).toarray()
+        self.B, self.B_T, self.G = face.B.toarray(), face.B_T.toarray(), face.G
+        self.constraints, self.friction, self.anchor = problem.constraints, friction, np.zeros(len(self.B_T))
 
     def at(self, t: float) -> Condensed:
         """The condensed problem of the step that ends at t."""
-        u0, free = self.problem.constraints.u0(t), self.free
-        m = len(self.G)
+        u0, free = self.constraints.u0(t), self.constraints.free
         return condensed(
             self.K[np.ix_(free, free)], -(self.K @ u0)[free], (self.B[:, free], self.B_T[:, free]),
-            self.G - self.B @ u0, self.friction, (self.B_T @ u0 - self.anchor).reshape(m, -1),
+            self.G - self.B @ u0, self.friction, (self.B_T @ u0 - self.anchor).reshape(len(self.G), -1),
         )  # fmt: skip
 
     def commit(self, state: State) -> None:
         """Slip is counted from the last state in which a macro-element did not stick."""
-        (zone,) = state.zones
-        across = len(self.B_T) // len(self.G)
-        moves = np.repeat(zone.status != 1, across)
+        moves = np.repeat(state.zones[0].status != 1, len(self.B_T) // len(self.G))
         self.anchor[moves] = (self.B_T @ state.u)[moves]
 
 
@@ -135,112 +114,183 @@ class Condenser:
 class BankRun:
     """A problem of the bank: its states, and how far tractions are from others' and from the conditions."""
 
-    states: list[State]
-    lost: int
-    apart: list[float]
-    residual: list[float]
-    oracle_lost: int
+    states: list[State] = field(default_factory=list)
+    lost: int = 0
+    apart: list[float] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
+    oracle_lost: int = 0
 
 
-def run(bank: FrictionBank, mesh: Mesh, friction: float, severity: float, seed: int) -> BankRun:
+def run(mesh: Mesh, friction: float, severity: float, seed: int) -> BankRun:
     """Solve one problem, and each of its steps by the oracles from the same start."""
-    problem = Problem.of(case_of(bank, friction, severity, seed), mesh)
-    oracle = Condenser(problem, friction)
-    out = BankRun([], 0, [], [], 0)
-    steps = march(problem)
+    problem = Problem.of(case_of(mesh.space_dim, friction, severity, seed), mesh)
+    oracle, out = Condenser(problem, friction), BankRun()
     try:
-        for state in steps:
+        for state in march(problem):
             out.states.append(state)
-            _compare(bank, oracle, state, out)
+            given, (zone,) = oracle.at(state.time), state.zones
+            assert zone.friction is not None
+            p, t = zone.pressure, zone.friction.shear
+            size = max(float(np.abs(p).max()), float(np.abs(given.G / np.diag(given.A)[: len(p)]).max()))
+            out.residual.append(given.residual(p, t))
+            for way in (lemke, tresca) if mesh.space_dim == 2 else ():
+                try:
+                    right, shear = way(given)
+                except ArithmeticError:
+                    out.oracle_lost += 1
+                else:
+                    out.apart.append(float(max(np.abs(p - right).max(), np.abs(t - shear).max()) / size))
             oracle.commit(state)
     except NotConvergedError:
         out.lost = STEPS - len(out.states)
     return out
 
 
-def _compare(bank: FrictionBank, oracle: Condenser, state: State, out: BankRun) -> None:
-    given, (zone,) = oracle.at(state.time), state.zones
-    assert zone.friction is not None
-    p, t = zone.pressure, zone.friction.shear
-    size = max(float(np.abs(p).max()), float(np.abs(given.G / np.diag(given.A)[: len(p)]).max()))
-    out.residual.append(given.residual(p, t))
-    for way in (lemke, tresca) if bank.dim == 2 else ():
+@problem
+def solve_bank(cells: tuple[str, ...], dim: int, *, levels: int) -> Iterator[Result]:
+    """So many problems on blocks of each of some cells, for every mu and severity."""
+    every = product([mesh_of(cell, dim) for cell in cells], FRICTION, SEVERITY, range(levels))
+    runs = [run(*each) for each in every]
+    lost, each = sum(own.lost for own in runs), [state.iterations for own in runs for state in own.states]
+    yield at_most(f"steps that are not solved at once, of {STEPS * len(runs)}", lost, 0, source=_SOURCE[dim])
+    yield at_most("iterations of a step, mean", float(np.mean(each)), ITERATIONS[dim], source=_SOURCE[dim])
+    off, source = max(r for own in runs for r in own.residual), "matrices condensed by other means"
+    yield at_most("largest violation of the conditions, of the largest pressure", off, SAME, source=source)
+    if dim == 2:
+        apart = max(a for own in runs for a in own.apart)
+        yield at_most("largest difference from Lemke's method and Tresca's fixed point", apart, SAME,
+                      source="Klarbring 1986; Haslinger 1980", reason="in parts of the largest pressure")  # fmt: skip
+
+
+@problem
+def solve_units(cell: str, dim: int, *, levels: int) -> Iterator[Result]:
+    """Numbers of iterations of problems of the bank, in these and in other units of length and of stress."""
+
+    def iterations(friction: float, severity: float, seed: int) -> Iterator[list[int]]:
+        for unit, stress in ((1.0, 1.0), (1e3, 1e-6)):
+            steps = march(Problem.of(case_of(dim, friction, severity, seed, unit, stress), mesh_of(cell, dim, unit)))
+            counts: list[int] = []
+            try:
+                counts.extend(state.iterations for state in steps)
+            except NotConvergedError:
+                counts.append(-1)
+            yield counts
+
+    every = list(product(FRICTION, SEVERITY, range(levels)))
+    changed = sum(own != other for own, other in (iterations(*each) for each in every))
+    yield at_most(f"problems with other iterations, of {len(every)}", changed, 0, source="units are arbitrary")
+
+
+# ---- lids
+
+#: kinematics and geometry of contact
+KINDS = {"reference": ("small", "reference"), "current": ("small", "current"), "finite": ("finite", "current")}
+#: friction, and the forces along y and x of the blocks on the lid; violations of the conditions are below 4e-16
+_KNOWN = ((0.2, 2.7830869501, 0.5231004109), (0.3, 2.7427535141, 0.5553778340))
+
+
+def lid(n_block: int, n_lid: int) -> Mesh:
+    """Two blocks of n_block cells across beside a column, and a lid of n_lid on all three."""
+    x, up, lid_y = np.linspace, np.linspace(0, 4, 5), np.linspace(4, 5, 3)
+    parts = [
+        (piece("QUAD4", [x(-0.5, 0.5, 3), up]), {"": "column", "y0": "foot", "y1": "head"}),
+        (piece("QUAD4", [x(-2, 2, n_lid + 1), lid_y]), {"": "lid", "y0": "under", "y1": "top"}),
+    ]
+    for low in (-2.0, 1.0):
+        block = piece("QUAD4", [x(low, low + 1, n_block + 1), up])
+        parts.append((block, {"": "blocks", "y0": "base", "y1": "skin"}))
+    return joined(parts)
+
+
+def lid_text(kind: str, friction: float, push: float, poisson: float) -> str:
+    """The case of a lid pressed with 4."""
+    kinematics, geometry = KINDS[kind]
+    law = {"law": "neo_hookean"} if kinematics == "finite" else {}
+    return case_text(
+        "plane_strain", material(1000.0, poisson, **law),
+        contact("skin", "under", name="joint", friction=friction, geometry=geometry),
+        entry("tie", name="tie", slave="head", master="under"), fixed("foot", "xy"), fixed("base", "xy"),
+        entry("force", group="top", fx=push, fy=-4.0, total=True), entry("steps", count=2, max_halvings=0),
+        kinematics=kinematics,
+    )  # fmt: skip
+
+
+@problem
+def solve_lids(kind: str, *, levels: int) -> Iterator[Result]:
+    """So many random lids: cells, friction, push and Poisson's ratio."""
+    random, lost = np.random.default_rng(5), 0
+    for _ in range(levels):
+        mesh = lid(int(random.integers(2, 7)), int(random.integers(5, 17)))
+        friction, push = float(random.choice([0.1, 0.2, 0.3, 0.4])), float(random.uniform(-1.5, 1.5))
         try:
-            right, shear = way(given)
-        except ArithmeticError:
-            out.oracle_lost += 1
-            continue
-        out.apart.append(float(max(np.abs(p - right).max(), np.abs(t - shear).max()) / size))
+            solve(lid_text(kind, friction, push, float(random.choice([0.0, 0.3]))), mesh)
+        except NotConvergedError:
+            lost += 1
+    yield at_most(f"lids that are not solved at once, of {levels}", lost, 0, source="a solution exists")
 
 
-def solve_bank(bank: FrictionBank, *, levels: int) -> Outcome:
-    """So many problems for every mu and severity."""
-    runs, own_means = [], {}
-    for cell in bank.cells:
-        mesh = mesh_of(bank, cell)
-        ways = itertools.product(FRICTION, SEVERITY, range(levels))
-        own = [run(bank, mesh, friction, severity, seed) for friction, severity, seed in ways]
-        own_means[cell] = float(np.mean([state.iterations for one in own for state in one.states]))
-        runs += own
-    each = [state.iterations for own in runs for state in own.states]
-    steps, source = STEPS * len(runs), _SOURCE[bank.dim]
-    off = max(r for own in runs for r in own.residual)
-    results = [
-        at_most(f"steps that are not solved at once, of {steps}", sum(own.lost for own in runs), 0, source=source),
-        at_most("iterations of a step, mean", float(np.mean(each)), ITERATIONS[bank.dim], source=source),
-        *(informative(f"iterations of a step, mean, {cell}", m, reason="no bound") for cell, m in own_means.items()),
-        informative("iterations of a step, largest", max(each), reason="no bound"),
-        at_most("largest violation of the conditions, of the largest pressure", off, SAME,
-                source="matrices condensed by other means"),
-    ]  # fmt: skip
-    if bank.dim == 2:
-        apart = [a for own in runs for a in own.apart]
-        results += [
-            at_most("largest difference from Lemke's method and Tresca's fixed point", max(apart), SAME,
-                    source="Klarbring 1986; Haslinger 1980", reason="in parts of the largest pressure"),
-            informative("steps that these did not solve", sum(own.oracle_lost for own in runs), reason="rounding"),
-        ]  # fmt: skip
-    return Outcome(tuple(results))
+@problem
+def solve_known_lids(push: float) -> Iterator[Result]:
+    """Two lids whose sets return, under a push."""
+    for friction, normal, shear in _KNOWN:
+        zone = solve(lid_text("reference", friction, push, 0.3), lid(3, 8)).state.zones[0]
+        assert zone.friction is not None
+        forces = zone.pressure @ zone.area, zone.friction.shear[:, 0] @ zone.area
+        for name, value, right in zip(("pressure", "friction"), forces, (normal, shear), strict=True):
+            yield equal(f"force of {name}, coefficient {friction}", float(value), right, 1e-8 * right,
+                        source="projected Gauss-Seidel on the same matrices",
+                        reason="digits of the reference")  # fmt: skip
 
 
-# ---- units
+# ---- seats
+
+_RADIUS, _HOLE = 10.0, 3.0
+#: model, weight of half a cylinder or of a ball without a hole, and the power of the hole's radius in its volume
+_SEATS = {
+    "groove": ("plane_strain", np.pi / 2 * _RADIUS**2, 2),
+    "cone": ("axisymmetric", 4 / 3 * np.pi * _RADIUS**3, 3),
+}
+#: friction, slave, geometry; the first two are those of the quick suite
+_ROLES = [(0.2, "round", "reference"), (0.5, "flank", "current")]
+_ROLES += [
+    one for one in product((0.1, 0.2, 0.3, 0.4, 0.5), ("round", "flank"), ("reference", "current")) if one not in _ROLES
+]
 
 
-def solve_units(bank: FrictionBank, unit: float = 1e3, stress: float = 1e-6, *, levels: int) -> Outcome:
-    """Problems of a bank in other units of length and of stress. Numbers of iterations in both units."""
-    changed, count = 0, 0
-    for friction in FRICTION:
-        for severity in SEVERITY:
-            for seed in range(levels):
-                own = _iterations(bank, friction, severity, seed, 1.0, 1.0)
-                other = _iterations(bank, friction, severity, seed, unit, stress)
-                changed, count = changed + (own != other), count + 1
-    return Outcome((at_most(f"problems with other iterations, of {count}", changed, 0, source="units are arbitrary"),))
-
-
-def _iterations(
-    bank: FrictionBank, friction: float, severity: float, seed: int, unit: float, stress: float
-) -> list[int]:
-    mesh = mesh_of(bank, bank.cells[0], unit)
-    problem = Problem.of(case_of(bank, friction, severity, seed, unit, stress), mesh)
-    iterations: list[int] = []
-    try:
-        iterations.extend(state.iterations for state in march(problem))
-    except NotConvergedError:
-        iterations.append(-1)
-    return iterations
+@problem
+def solve_seats(kind: str, *, levels: int) -> Iterator[Result]:
+    """So many seats, each with skins whose faces, in the middle, are parallel where they touch."""
+    solutions, (model, weight, power) = [], _SEATS[kind]
+    for friction, slave, geometry in _ROLES[:levels]:
+        master = {"round": "flank", "flank": "round"}[slave]
+        text = case_text(
+            model, material(210e3, 0.3), contact(slave, master, friction=friction, geometry=geometry),
+            fixed("base", "xy"), fixed("axis", "x"),
+            entry("body_force", groups=["ball"], fy=float(-1 / (1 - (_HOLE / _RADIUS) ** power))),
+            entry("steps", count=4, max_halvings=0),
+        )  # fmt: skip
+        one = solve(text, seated("QUAD4", 26, _RADIUS, _HOLE))
+        zone, ratio = one.zone, (1 - friction) / (1 + friction)
+        across, along = np.abs(zone.area @ (zone.pressure[:, None] * zone.normal + one.shear))
+        name, source = f"mu {friction}, {slave} the slave, {geometry}", "balance on flanks of 45 degrees"
+        yield equal(f"force across over that along, {name}", float(across / along), ratio, 1e-3 * ratio, source=source,
+                    reason="flanks that give way turn a little")  # fmt: skip
+        yield equal(f"force across, {name}", float(across), weight * ratio, 0.005 * weight * ratio, source=source,
+                    reason="13 chords to a right angle")  # fmt: skip
+        solutions.append(one)
+    yield from balanced(solutions)
 
 
 def cases(family: str) -> Iterator[Case]:
-    """960 steps in the plane, 480 in space."""
-    plane, space = ("TRIA3", "QUAD4", "TRIA6", "QUAD8"), ("TETRA4", "HEXA8")
-    solve = partial(solve_bank, FrictionBank(plane, 2))
-    yield Case(family, "bank-plane", "random steps of blocks", solve, {"quick": 1, "full": 6}, 150.0)
-    yield Case(
-        family, "bank-space", "random steps of blocks", partial(solve_bank, FrictionBank(space, 3)), {"full": 6}, 300.0
-    )
+    """960 steps of blocks in the plane, 480 in space; 300 lids; a groove and a cone, with every slave and geometry."""
+    what, plane, space = "random steps of blocks", ("TRIA3", "QUAD4", "TRIA6", "QUAD8"), ("TETRA4", "HEXA8")
+    yield row(family, "bank-plane", what, solve_bank, plane, 2, quick=1, full=6, seconds=150.0)
+    yield row(family, "bank-space", what, solve_bank, space, 3, full=6, seconds=300.0)
     for cell, dim in (("QUAD4", 2), ("HEXA8", 3)):
-        description = "lengths times 1e3, stresses times 1e-6"
-        yield Case(
-            family, f"units-{cell}", description, partial(solve_units, FrictionBank((cell,), dim)), {"full": 2}, 20.0
-        )
+        what = "lengths times 1e3, stresses times 1e-6"
+        yield row(family, f"units-{cell}", what, solve_units, cell, dim, full=2, seconds=20.0)
+    yield row(family, "lids-known", "forces of two lids", solve_known_lids, 1.0, quick=1, seconds=2.0)
+    for kind in KINDS:
+        yield row(family, f"lids-{kind}", f"random lids, {kind}", solve_lids, kind, quick=4, full=100, seconds=150.0)
+    for kind, what in (("groove", "a cylinder in a groove"), ("cone", "a ball in a cone")):
+        yield row(family, f"seat-{kind}", what, solve_seats, kind, quick=2, full=len(_ROLES), seconds=10.0)

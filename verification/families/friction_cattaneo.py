@@ -6,13 +6,17 @@ error of t is held against that of the best constants on the finest mesh.
 
 **Carter.** The same contact, sheared, moves along the half-planes as two like cylinders roll on one another: what
 sticks moves to the leading edge, and the far bodies creep.
+
+**Cost.** How many times K^-1 is applied to solve the linear system of the last set of these problems to rounding, from
+nothing, over the same for contact that is pressed without friction. Tractions along tangents make the systems two and
+three times as large.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +24,12 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Value
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.results.state import StepState
+from lacsolver.saddle.saddle import SaddleProblem
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.tolerances import ConvergenceTolerance
 from verification.exact import cattaneo
 from verification.exact.cattaneo import Cylinders
 from verification.exact.half_plane import Ellipse
@@ -27,17 +37,18 @@ from verification.exact.spheres import LikeSpheres
 from verification.measures.edge import edge_of_contact
 from verification.measures.norms import PressureErrors, pressure_errors
 from verification.meshes.half_spaces import REACH, depth_lines, edge_lines, facing, half_planes, piece
-from verification.pages.charts import Plot
-from verification.profiles import line
-from verification.records import Case, Outcome, at_most, equal, informative, rate
+from verification.records import Case, Result, at_most, equal, levels_of, problem, rate, row
 from verification.solving import (
     LevelSolution,
     Motion,
     Solved,
     balanced,
     case_text,
+    contact,
     convergence,
     entry,
+    fixed,
+    material,
     solve,
     with_motions,
 )
@@ -52,8 +63,25 @@ BEST = {"TRIA3": 2.0, "QUAD4": 1.5, "TRIA6": 1.2, "QUAD8": 1.2}
 #: iterations of the step of shear, and of a step of 16
 ITERATIONS, MANY_ITERATIONS = 16, 3
 _SOURCE = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2"
-_RATE = "two square-root edges and a kink: constants come to 0.85"
-_STEPS = "like bodies: t does not depend on the number of steps"
+
+
+def case_of(
+    keys: Mapping[str, Any], bodies: tuple[float, float], motions: Mapping[str, Motion],
+    times: tuple[float, ...], *more: str, model: str = "plane_strain",
+) -> lacsolver.Case:  # fmt: skip
+    """A case of two half-spaces in contact (its `keys`), of Young's modulus and Poisson's ratio; far_... are moved."""
+    text = case_text(
+        model, material(bodies[0], bodies[1]), contact(**keys), entry("steps", times=list(times)), *more,
+    )  # fmt: skip
+    return with_motions(text, {f"far_{body}": motion for body, motion in motions.items()})
+
+
+def most_iterations(solutions: list[Solved]) -> int:
+    """Largest number of iterations of a step of shear."""
+    return max(state.iterations for one in solutions for state in one.states[1:])
+
+
+# ---- cylinders
 
 
 @dataclass(frozen=True)
@@ -90,30 +118,14 @@ class PressedCylinders:
         return (1.0, *(1 + len(self.turns) * (k + 1) / n for k in range(n)))
 
 
-def case_of(
-    contact: Mapping[str, object], bodies: Mapping[str, tuple[float, float]], motions: Mapping[str, Motion],
-    times: tuple[float, ...], *more: str,
-) -> lacsolver.Case:  # fmt: skip
-    """A case of two half-spaces with these elastic constants, whose groups far_... are moved by functions."""
-    dim = next(iter(motions.values()))(np.ones((1, 3)), 1.0).shape[1]
-    text = case_text(
-        "3d" if dim == 3 else "plane_strain",
-        *(entry("material", groups=[group], young=young, poisson=nu) for group, (young, nu) in bodies.items()),
-        entry("contact", slave="slave", master="master", **contact),
-        entry("steps", times=list(times)),
-        *more,
-    )
-    return with_motions(text, {f"far_{body}": motion for body, motion in motions.items()})
-
-
 def solved(given: PressedCylinders, k: int, friction: float | None = None) -> Solved:
     """Solve with about k macro-elements to the half-width; `friction`: that of the exact solution by default."""
     exact = given.exact
     coefficient = exact.friction if friction is None else friction
-    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
-    bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
+    keys = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
     motions = {"upper": given.motion(1), "lower": given.motion(-1)}
-    return solve(case_of(contact, bodies, motions, given.times), half_planes(given.cell, k, FRACTION))
+    case = case_of(keys, (exact.young, exact.poisson), motions, given.times)
+    return solve(case, half_planes(given.cell, k, FRACTION))
 
 
 def shear_errors(one: Solved, loads: tuple[Ellipse, ...]) -> PressureErrors:
@@ -122,174 +134,104 @@ def shear_errors(one: Solved, loads: tuple[Ellipse, ...]) -> PressureErrors:
 
 
 def solve_level(given: PressedCylinders, level: int) -> LevelSolution:
-    """Solve on one level; errors relative to the exact values."""
-    k = given.levels[level]
-    one, loads, exact = solved(given, k), given.loads(given.times[-1]), given.exact
-    zone = one.fields.zones["slave"]
-    p = pressure_errors(one.mesh, zone.pressure, lambda x: cattaneo.pressure(x[:, 0], loads)[:, None])
-    t, c = shear_errors(one, loads), exact.stick(given.turns[0])
-    total = one.friction.energy[1] / exact.dissipation(given.turns[0])
-    turns = 2 * len(given.turns) - 1  # every reversal takes twice what the first load does
+    """Solve on one level; relative errors of t (and of the `best` constants for it), of the stick zone, of the work."""
+    one, loads, exact = solved(given, given.levels[level]), given.loads(given.times[-1]), given.exact
+    t, turns = shear_errors(one, loads), 2 * len(given.turns) - 1  # a reversal takes twice what the first load does
+    left = exact.friction * one.zone.pressure - np.linalg.norm(one.shear, axis=1)  # it falls as Hertz' pressure does
+    c = exact.stick(LOAD)
+    edge = edge_of_contact(np.abs(one.zone.centre[:, 0]), left, exact.friction * exact.peak * c, 0.5 * c)
     errors = {
-        "p_m": p.exact,
         "t_m": t.exact,
         "best": t.best,
-        "c": abs(stick_of(one, exact) / c - 1),
-        "work": abs(total / turns - 1),
+        "c": abs(edge / exact.stick(given.turns[0]) - 1),
+        "work": abs(one.friction.energy[1] / exact.dissipation(given.turns[0]) / turns - 1),
     }
-    return LevelSolution(one, 1 / (k + FRACTION), errors)
+    return LevelSolution(one, 1 / (given.levels[level] + FRACTION), errors)
 
 
-def stick_of(one: Solved, exact: Cylinders | LikeSpheres) -> float:
-    """Half-width of what sticks: mu p - |t| falls there as a Hertzian pressure does."""
-    zone = one.fields.zones["slave"]
-    left = exact.friction * zone.pressure - np.linalg.norm(one.shear, axis=1)
-    c = exact.stick(LOAD)
-    return edge_of_contact(np.linalg.norm(zone.centre[:, :-1], axis=1), left, exact.friction * exact.peak * c, 0.5 * c)
-
-
-def solve_pressed(given: PressedCylinders, *, levels: int) -> Outcome:
+@problem
+def solve_pressed(given: PressedCylinders, *, levels: int) -> Iterator[Result]:
     """Cylinders on so many levels."""
     solutions = [solve_level(given, level) for level in range(levels)]
-    at_32 = solutions[min(2, levels - 1)]
-    most = max(state.iterations for one in solutions for state in one.solved.states[1:])
-    ratios = [one.errors["t_m"] / one.errors["best"] for one in solutions]
-    return Outcome(
-        (
-            rate("t_m, L2", convergence(solutions, "t_m"), 0.8, source=_SOURCE, reason=_RATE),
-            rate("p_m, L2", convergence(solutions, "p_m"), None, source="", reason="asked for in the family hertz"),
-            at_most("error of t_m over that of the best constants, finest level", ratios[-1], BEST[given.cell],
-                    source="measured on a prototype: 1.09 to 1.45, TRIA3 1.9"),
-            informative("error of t_m over that of the best constants, worst level", max(ratios),
-                        reason="a kink in a macro-element of a coarse mesh weighs more"),
-            at_most(f"half-width of stick, relative error, k = {given.levels[min(2, levels - 1)]}", at_32.errors["c"],
-                    0.02, source=_SOURCE, levels=convergence(solutions, "c")),
-            at_most(f"dissipation, relative error, k = {given.levels[min(2, levels - 1)]}", at_32.errors["work"], 0.01,
-                    source="slip in closed form times mu p", levels=convergence(solutions, "work")),
-            at_most("iterations of a step of shear", most, ITERATIONS, source="k = 8 ... 64"),
-            informative("halved steps", sum(one.solved.halvings for one in solutions), reason="no bound"),
-            *balanced([one.solved for one in solutions]),
-        ),
-        (profile(given, at_32),),
-    )  # fmt: skip
+    yield rate("t_m, L2", convergence(solutions, "t_m"), 0.8, source=_SOURCE,
+               reason="two square-root edges and a kink: constants come to 0.85")  # fmt: skip
+    finest, at_32 = solutions[-1].errors, solutions[min(2, levels - 1)].errors
+    name, source = "error of t_m over that of the best constants, finest level", "measured on a prototype: 1.09 to 1.45"
+    yield at_most(name, finest["t_m"] / finest["best"], BEST[given.cell], source=f"{source}, TRIA3 1.9")
+    for name, error, most, source in (
+        ("half-width of stick", "c", 0.02, _SOURCE),
+        ("dissipation", "work", 0.01, "slip in closed form times mu p"),
+    ):
+        quantity, table = (
+            f"{name}, relative error, k = {given.levels[min(2, levels - 1)]}",
+            convergence(solutions, error),
+        )
+        yield at_most(quantity, at_32[error], most, source=source, levels=table)
+    every = [one.solved for one in solutions]
+    yield at_most("iterations of a step of shear", most_iterations(every), ITERATIONS, source="k = 8 ... 64")
+    yield from balanced(every)
 
 
-def profile(given: PressedCylinders, one: LevelSolution) -> Plot:
-    """Exact and computed shear stress along the contact."""
-    x = np.linspace(-1.2, 1.2, 241)
-    loads, zone = given.loads(given.times[-1]), one.solved.fields.zones["slave"]
-    near = np.flatnonzero(np.abs(zone.centre[:, 0]) < 1.2)
-    near = near[np.argsort(zone.centre[near, 0])]
-    lines = (
-        line("exact", x, cattaneo.shear(x, loads)),
-        line("bound mu p, exact", x, given.exact.friction * cattaneo.pressure(x, loads)),
-        line("t_m", zone.centre[near, 0], one.solved.shear[:, 0][near], "points"),
-    )
-    return Plot("shear", f"shear stress, h = {one.h:.3g} a", "x / a", "t / E", lines)
-
-
-# ---- numbers of steps
-
-
-def solve_steps(
-    given: PressedCylinders, counts: tuple[int, ...] = (1, 2, 4, 8, 16), k: int = 16, *, levels: int
-) -> Outcome:
-    """Cylinders sheared in several numbers of steps, k macro-elements to the half-width. All numbers of steps, against
-    one step.
-    """
-    each = [solved(replace(given, steps=n), k) for n in counts]
+@problem
+def solve_steps(given: PressedCylinders, counts: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Iterator[Result]:
+    """Cylinders sheared in several numbers of steps, 16 macro-elements to the half-width, against the first number."""
+    each = [solved(replace(given, steps=n), 16) for n in counts]
     size = np.abs(each[0].shear[:, 0]).max()
     apart = max(float(np.abs(one.shear[:, 0] - each[0].shear[:, 0]).max() / size) for one in each)
-    errors = [shear_errors(one, given.loads(given.times[-1])).exact for one in each]
-    work = [one.friction.energy[1] for one in each]
     last = float(np.mean([state.iterations for state in each[-1].states[1:]]))
-    return Outcome(
-        (
-            at_most(f"largest difference of t_m between {counts} steps, of the largest t_m", apart, 1e-9,
-                    source=_STEPS),
-            informative("t_m in L2, relative error", max(errors), reason="judged with the rates"),
-            informative("dissipation, largest relative difference", max(np.abs(np.array(work) / work[-1] - 1)),
-                        reason="work of t over the slip of a step"),
-            at_most(f"iterations of a step of {counts[-1]}, mean", last, MANY_ITERATIONS,
-                    source="measured on a prototype: 1.8"),
-            *balanced(each),
-        )
-    )  # fmt: skip
+    name = f"largest difference of t_m between {counts} steps, of the largest t_m"
+    yield at_most(name, apart, 1e-9, source="like bodies: t does not depend on the number of steps")
+    name = f"iterations of a step of {counts[-1]}, mean"
+    yield at_most(name, last, MANY_ITERATIONS, source="measured on a prototype: 1.8")
+    yield from balanced(each)
 
 
-# ---- space
+# ---- spheres
 
 
-def balls(cell: str, k: int) -> Mesh:
-    """Halves of two half-spaces, y >= 0: the plane that the load is in is one of symmetry."""
-    aside, deep = edge_lines(k, FRACTION), depth_lines(k)
-    whole, even = np.concatenate([-aside[:0:-1], aside]), np.linspace(0, REACH, 3 * k // 2 + 1)
-    upper = piece(cell, [whole, aside, deep])
+def solved_balls(cell: str, k: int, friction: float | None, times: tuple[float, ...]) -> Solved:
+    """Halves y >= 0 of spheres with nu = 0, k cells to the radius of contact, pressed until t = 1 and then sheared.
+
+    The plane that the load is in is one of symmetry. `friction`: None without it.
+    """
+    aside, deep, even = edge_lines(k, FRACTION), depth_lines(k), np.linspace(0, REACH, 3 * k // 2 + 1)
+    upper = piece(cell, [np.concatenate([-aside[:0:-1], aside]), aside, deep])
     lower = piece(cell, [np.concatenate([-even[:0:-1], even]), even, -deep[::-1]])
-    return facing(upper, lower, y0="axis_y")
+    keys = {"clearance": f"(x**2 + y**2) / {2 * SPHERES.radius!r}", "friction": friction}
+    motions = {"upper": _motion_of_ball(1), "lower": _motion_of_ball(-1)}
+    case = case_of(keys, (SPHERES.young, 0.0), motions, times, fixed("axis_y", "y"), model="3d")
+    return solve(case, facing(upper, lower, y0="axis_y"))
 
 
-def solve_balls(cell: str, sizes: tuple[int, ...], exact: LikeSpheres = SPHERES, *, levels: int) -> Outcome:
-    """Like spheres with nu = 0, of cells of a type; `sizes`: cells to the radius of contact."""
-    solutions = [_ball(cell, exact, k) for k in sizes[:levels]]
-    most = max(state.iterations for one in solutions for state in one.solved.states[1:])
-    return Outcome(
-        (
-            rate("t_m, L2", convergence(solutions, "t_m"), None, source=_SOURCE, reason="few and coarse levels"),
-            informative("error of t_m over that of the best constants, finest level",
-                        solutions[-1].errors["t_m"] / solutions[-1].errors["best"], reason="2 and 0.8 on a prototype"),
-            informative("t_m across the load, of its largest", solutions[-1].errors["across"], reason="0: nu is 0"),
-            informative("radius of stick, relative error, finest level", solutions[-1].errors["c"],
-                        reason="5 % with k = 12 on a prototype of linear cells, 0.9 % with k = 6 of quadratic ones",
-                        levels=convergence(solutions, "c")),
-            informative("dissipation, relative error, finest level", solutions[-1].errors["work"], reason="no bound",
-                        levels=convergence(solutions, "work")),
-            at_most("iterations of the step of shear", most, ITERATIONS, source="as in the plane"),
-            *balanced([one.solved for one in solutions]),
-        )
-    )  # fmt: skip
-
-
-def motion_of_ball(exact: LikeSpheres, side: int) -> Motion:
-    """Displacement far from the contact: pressed until t = 1, then sheared."""
+def _motion_of_ball(side: int) -> Motion:
+    """Displacement far from the contact; it is dear, and kept for the other components."""
     kept: dict[tuple[int, float], Floats] = {}
 
     def u(x: Floats, t: float) -> Floats:
-        if x.shape[0] == 1:
-            return np.zeros((1, 3))
         key = len(x), t
         if key not in kept:
-            kept[key] = min(t, 1.0) * exact.displacement(x, side, LOAD * (t - 1) if t > 1 else 0.0)
+            kept[key] = min(t, 1.0) * SPHERES.displacement(x, side, LOAD * (t - 1) if t > 1 else 0.0)
         return kept[key]
 
     return u
 
 
-def solved_balls(exact: LikeSpheres, cell: str, k: int, friction: float | None, times: tuple[float, ...]) -> Solved:
-    """Solve spheres, pressed until t = 1 and then sheared; `friction`: None without it."""
-    contact = {"clearance": f"(x**2 + y**2) / {2 * exact.radius!r}", "friction": friction}
-    bodies = dict.fromkeys(("upper", "lower"), (exact.young, 0.0))
-    motions = {"upper": motion_of_ball(exact, 1), "lower": motion_of_ball(exact, -1)}
-    more = entry("displacement", group="axis_y", uy=0.0)
-    return solve(case_of(contact, bodies, motions, times, more), balls(cell, k))
-
-
-def _ball(cell: str, exact: LikeSpheres, k: int) -> LevelSolution:
-    one = solved_balls(exact, cell, k, exact.friction, (1.0, 2.0))
-    zone = one.fields.zones["slave"]
-    t = pressure_errors(
-        one.mesh, one.shear[:, 0], lambda x: exact.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None]
-    )
-    p = pressure_errors(one.mesh, zone.pressure, lambda x: exact.pressure(np.linalg.norm(x[:, :2], axis=1))[:, None])
-    errors = {
-        "p_m": p.exact,
-        "t_m": t.exact,
-        "best": t.best,
-        "c": abs(stick_of(one, exact) / exact.stick(LOAD) - 1),
-        "work": abs(2 * one.friction.energy[1] / exact.dissipation(LOAD) - 1),
-        "across": float(np.abs(one.shear[:, 1]).max() / np.abs(one.shear[:, 0]).max()),
-    }
-    return LevelSolution(one, 1 / (k + FRACTION), errors)
+@problem
+def solve_balls(cell: str, sizes: tuple[int, ...], *, levels: int) -> Iterator[Result]:
+    """Spheres of cells of a type; `sizes`: cells to the radius of contact."""
+    solutions = [solved_balls(cell, k, SPHERES.friction, (1.0, 2.0)) for k in sizes[:levels]]
+    h, unknowns = [1 / (k + FRACTION) for k in sizes[:levels]], [one.unknowns for one in solutions]
+    errors = [
+        pressure_errors(
+            one.mesh, one.shear[:, 0], lambda x: SPHERES.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None]
+        ).exact
+        for one in solutions
+    ]
+    reason = "few and coarse levels"
+    yield rate("t_m, L2", levels_of(h, unknowns, errors), None, source=_SOURCE, reason=reason)
+    name = "iterations of the step of shear"
+    yield at_most(name, most_iterations(solutions), ITERATIONS, source="as in the plane")
+    yield from balanced(solutions)
 
 
 # ---- rolling
@@ -297,96 +239,123 @@ def _ball(cell: str, exact: LikeSpheres, k: int) -> LevelSolution:
 
 def rolled(cell: str, k: int, way: float) -> Mesh:
     """Half-planes from -REACH to REACH + way, with k cells to the half-width where the contact moves."""
-    n = round((2 + way) * k)
-    near = np.linspace(-1.0, 1.0 + way, n + 1)
+    near = np.linspace(-1.0, 1.0 + way, round((2 + way) * k) + 1)
     out = np.linspace(1.0, REACH, k // 2 + 1)[1:]
     aside = np.concatenate([-out[::-1], near, out + way])
     even = np.linspace(-REACH, REACH + way, round(1.5 * len(aside) * 0.9))
     deep = depth_lines(k)
-    upper, lower = piece(cell, [aside, deep]), piece(cell, [even, -deep[::-1]])
-    return facing(upper, lower)
+    return facing(piece(cell, [aside, deep]), piece(cell, [even, -deep[::-1]]))
 
 
-def solve_rolling(
-    cell: str, k: int = 20, load: float = 0.5, way: float = 5.0, exact: Cylinders = CYLINDERS, *, levels: int
-) -> Outcome:
-    """Cylinders that roll by `way` under a tangential load; `k` macro-elements to the half-width, a step for each.
-    Press, shear, roll by one macro-element a step; what creeps is what the exact far displacements move.
+@problem
+def solve_rolling(cell: str) -> Iterator[Result]:
+    """Cylinders, pressed and sheared, that then roll by one of 20 macro-elements to the half-width in each step.
 
-    The force falls to that of steady rolling over some two widths of contact: after 1.5 of them it is still 1 % above.
+    What creeps is what the exact far displacements move. The force falls to that of steady rolling over some two widths
+    of contact: after 1.5 of them it is still 1 % above.
     """
-    creep = exact.creep(load)
-    n = round(way * k)
-    times = (1.0, 2.0, *(2 + (step + 1) / n for step in range(n)))
+    exact, load, way, k = CYLINDERS, 0.5, 5.0, 20
+    creep, n = exact.creep(load), round(way * k)
 
     def at(t: float) -> float:
         return way * max(t - 2, 0.0)
 
     def motion(side: int) -> Motion:
         def u(x: Floats, t: float) -> Floats:
-            if t <= 1:
-                return np.asarray(t * exact.displacement(x[:, :2], side, exact.sheared()))
             if t <= 2:
-                return exact.displacement(x[:, :2], side, exact.sheared(load * (t - 1)))
-            moved = x[:, :2] - [at(t), 0.0]
-            out = exact.displacement(moved, side, exact.rolling(load), stuck=exact.half_width - exact.stick(load))
+                loads = exact.sheared(load * (t - 1)) if t > 1 else exact.sheared()
+                return np.asarray(min(t, 1.0) * exact.displacement(x[:, :2], side, loads))
+            moved, stuck = x[:, :2] - [at(t), 0.0], exact.half_width - exact.stick(load)
+            out = exact.displacement(moved, side, exact.rolling(load), stuck=stuck)
             return out + ([creep * at(t), 0.0] if side > 0 else [0.0, 0.0])
 
         return u
 
     gap = Value.of(lambda x, t: (x[:, 0] - at(t)) ** 2 / (2 * exact.radius))
-    bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
-    rolling = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
+    motions = {"upper": motion(1), "lower": motion(-1)}
+    times = (1.0, 2.0, *(2 + (step + 1) / n for step in range(n)))
+    rolling = case_of({"friction": exact.friction}, (exact.young, exact.poisson), motions, times)
     rolling = replace(rolling, contact=(replace(rolling.contact[0], clearance=gap),))
     one = solve(rolling, rolled(cell, k, way))
-    loads = exact.rolling(load, way)
-    zone = one.fields.zones["slave"]
-    t = shear_errors(one, loads)
+    zone = one.zone
     total = float((one.shear[:, 0] * zone.area).sum() / (exact.friction * exact.force))
-    x = zone.centre[:, 0] - way
-    slides = np.abs(one.slip[:, 0]) > 0.02 * creep * way / n
-    slides &= zone.pressure > 0
-    edge = float(x[slides].max() + 0.5 / k)
-    return Outcome(
-        (
-            equal("creep over that of the tangential force it gives", creep / exact.creep(total), 1.0, 0.03,
-                  source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{k} of the half-width"),
-            informative("tangential force over mu P", total, reason=f"{load:g} of the exact creep"),
-            equal("where stick begins, from the middle", edge, 1 - 2 * exact.stick(load), 2 / k,
-                  source="Carter 1926", reason="two macro-elements"),
-            informative("t_m in L2, relative error", t.exact, reason="beside the best constants'"),
-            informative("best constants, relative error", t.best, reason="beside t_m's"),
-            informative("iterations of a step, mean", one.iterations / len(one.states), reason="no bound"),
-            *balanced([one]),
-        )
-    )  # fmt: skip
+    slides = (np.abs(one.slip[:, 0]) > 0.02 * creep * way / n) & (zone.pressure > 0)
+    edge = float((zone.centre[:, 0] - way)[slides].max() + 0.5 / k)
+    yield equal("creep over that of the tangential force it gives", creep / exact.creep(total), 1.0, 0.03,
+                source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{k} of the half-width")  # fmt: skip
+    yield equal("where stick begins, from the middle", edge, 1 - 2 * exact.stick(load), 2 / k, source="Carter 1926",
+                reason="two macro-elements")  # fmt: skip
+    yield from balanced([one])
+
+
+# ---- cost
+
+
+def applications(one: Solved) -> int:
+    """Applications of K^-1 for the linear system of the last set, from nothing."""
+    model, states = ReducedProblem(one.problem), one.states
+    step = LoadStep(model, states[-1].time, states[-2].step if len(states) > 1 else StepState())
+    iterate = states[-1].step.iterate
+    assert iterate is not None
+    q, p, active = iterate
+    contact = step.contact(q)
+    linear = contact.linear(contact.first_rows(active, p), p)
+    h, G = linear.load(step.f, contact.rows.B_T), linear.G + linear.rows.D @ q
+    system = SaddleProblem(step.reference, linear.rows, linear.active, h, G, linear.S)
+    moved = float(np.abs(step.u0).max())
+    goal = ConvergenceTolerance(1e-10, 50, 0.0, moved, model.vectors).linear(0.0, moved)
+    return solve_saddle(system, np.zeros_like(q), np.zeros_like(p), goal).applications
+
+
+def _pressed(cell: str, dim: int, k: int, rubs: bool) -> Solved:
+    """Cylinders or spheres that are pressed, and with friction sheared."""
+    if dim == 3:
+        return solved_balls(cell, k, *((SPHERES.friction, (1.0, 2.0)) if rubs else (None, (1.0,))))
+    return solved(PressedCylinders(cell, (LOAD,) if rubs else ()), k, None if rubs else 0.0)
+
+
+@problem
+def solve_cost(cell: str, dim: int, sizes: tuple[int, ...], *, levels: int) -> Iterator[Result]:
+    """Count for cells of a type, about so many (`sizes`) to the half-width on each level."""
+    most, source = {2: (1.6, "1.25 to 1.45"), 3: (3.2, "2 to 3")}[dim]
+    every = []
+    for k in sizes[:levels]:
+        pair = [_pressed(cell, dim, k, rubs) for rubs in (True, False)]
+        ratio = applications(pair[0]) / applications(pair[1])
+        name = f"applications of K^-1 over those without friction, k = {k}"
+        yield at_most(name, ratio, most, source=f"measured on a prototype: {source}")
+        every += pair
+    yield from balanced(every)
 
 
 def cases(family: str) -> Iterator[Case]:
-    """Cylinders, spheres, rolling."""
+    """Cylinders, spheres, rolling, cost."""
     for cell in BEST:
-        quick = {"quick": 3} if cell in ("TRIA3", "QUAD8") else {}
-        description = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation"
-        solve = partial(solve_pressed, PressedCylinders(cell))
-        yield Case(family, f"cattaneo-{cell}", description, solve, {**quick, "full": 4}, 60.0)
+        what, quick = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation", 3 * (cell in ("TRIA3", "QUAD8"))
+        name, given = f"cattaneo-{cell}", PressedCylinders(cell)
+        yield row(family, name, what, solve_pressed, given, quick=quick, full=4, seconds=60.0)
     given = PressedCylinders("TRIA3", levels=tuple(2 * k for k in LEVELS), macro="stars")
-    description = "Cattaneo and Mindlin, TRIA3, as many stars, of two faces each"
-    yield Case(family, "cattaneo-TRIA3-stars", description, partial(solve_pressed, given), {"full": 4}, 60.0)
+    what = "Cattaneo and Mindlin, TRIA3, as many stars, of two faces each"
+    yield row(family, "cattaneo-TRIA3-stars", what, solve_pressed, given, full=4, seconds=60.0)
     for name, turns in (("back", (LOAD, -LOAD)), ("loop", (LOAD, -LOAD, LOAD))):
-        reversed_ = partial(solve_pressed, PressedCylinders("QUAD8", turns))
-        yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", reversed_, {"full": 3}, 40.0)
+        given, what = PressedCylinders("QUAD8", turns), "Mindlin and Deresiewicz, QUAD8"
+        yield row(family, f"reversed-{name}", what, solve_pressed, given, full=3, seconds=40.0)
     for cell in ("QUAD4", "QUAD8"):
-        given = PressedCylinders(cell)
-        solve = partial(solve_steps, given)
-        yield Case(
-            family, f"steps-{cell}", "in 1, 2, ... 16 steps", solve, {"quick" if cell == "QUAD4" else "full": 1}, 15.0
-        )
-        loop = partial(solve_steps, PressedCylinders(cell, (LOAD, -LOAD)), (1, 16))
-        yield Case(family, f"steps-reversed-{cell}", "there and back in 1 and 16 steps", loop, {"full": 1}, 20.0)
+        given, what, quick = PressedCylinders(cell), "in 1, 2, ... 16 steps", int(cell == "QUAD4")
+        yield row(family, f"steps-{cell}", what, solve_steps, given, quick=quick, full=1, seconds=15.0)
+        given, what = PressedCylinders(cell, (LOAD, -LOAD)), "there and back in 1 and 16 steps"
+        yield row(family, f"steps-reversed-{cell}", what, solve_steps, given, (1, 16), full=1, seconds=20.0)
+        what = f"Carter's rolling, {cell}"
+        yield row(family, f"rolling-{cell}", what, solve_rolling, cell, full=1, seconds=60.0)
     for cell, counts in (("HEXA8", (4, 6, 8)), ("HEXA20", (4, 6))):
-        solve = partial(solve_balls, cell, counts)
-        yield Case(family, f"spheres-{cell}", f"spheres with nu = 0, {cell}", solve, {"full": len(counts)}, 120.0)
-    for cell in ("QUAD4", "QUAD8"):
-        yield Case(
-            family, f"rolling-{cell}", f"Carter's rolling, {cell}", partial(solve_rolling, cell), {"full": 1}, 60.0
-        )
+        what = f"spheres with nu = 0, {cell}"
+        yield row(family, f"spheres-{cell}", what, solve_balls, cell, counts, full=len(counts), seconds=120.0)
+    costs: tuple[tuple[str, int, tuple[int, ...]], ...] = (
+        *((cell, 2, (16, 32)) for cell in ("TRIA3", "QUAD4", "QUAD8")),
+        ("TETRA4", 3, (4,)),
+        ("HEXA8", 3, (4, 6)),
+    )
+    for cell, dim, sizes in costs:
+        what, quick = f"applications of K^-1 with friction and without, {cell}", int(dim == 2)
+        full, seconds = len(sizes), 10.0 if dim == 2 else 60.0
+        yield row(family, f"cost-{cell}", what, solve_cost, cell, dim, sizes, quick=quick, full=full, seconds=seconds)

@@ -1,15 +1,21 @@
-"""Hertz's contact against its own solution: half-spaces, of which the mesh is a piece that is held as they are.
+"""Hertz's contact against its own solution: half-spaces, of which the mesh is a piece.
 
-Flat bodies with the clearance r^2 / 2R, which is Hertz's own problem, small strains, geometry of the undeformed
-surfaces; on the outer sides the displacements of the half-spaces in closed form (`verification.exact.half_space`), so
-that the mesh is the only error. Lengths are in contact half-widths a = 1, stresses in the slave's modulus.
+Two elastic half-spaces, or one on a rigid plane, flat, with the clearance `r^2 / 2R`: Hertz's own problem, small
+strains, geometry of the undeformed surfaces. On the outer sides of the mesh the displacements of the half-spaces are
+imposed, in closed form (Muskhelishvili's solution in the plane, Green and Collins' potential about an axis), so that
+the mesh is the only error and rates are clean. The edge of contact lies at the same fraction of its macro-element on
+every level; slave and master lines do not match. Lengths are in contact half-widths a = 1, stresses in the slave's
+modulus.
+
+In the plane the displacement of half-planes is known up to a constant; the datum is that both surfaces' points on the
+axis stand still.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +28,7 @@ from verification.measures import norms
 from verification.measures.edge import edge_of_contact
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
-from verification.pages.charts import Line, Plot
-from verification.profiles import line
-from verification.records import Case, Family, Outcome, Result, at_most, informative, rate
+from verification.records import Case, Family, Rows, at_most, informative, problem, rate, row
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve, with_motions
 
 Floats = NDArray[np.floating]
@@ -33,7 +37,6 @@ THEOREM = (
     "Abbas, Drouet and Hild 2018, Theorem 1: h for linear cells, h^(3/2) for quadratic ones as u is of H^s, s < 5/2"
 )
 EDGE = "the square-root edge of p: means over macro-elements come to no more than h sqrt(log 1/h)"
-_BEST = "the best that constants do"
 _EDGES = "it rises to 1 as h falls; that of the exact pressure's own means, the best that constants do, stands below"
 _SHAPE = (
     "L2 over the slave, finest level; near the edge of contact the recovered pressure is the root of a parabola fitted "
@@ -146,7 +149,7 @@ def pressure(given: Given, x: Floats) -> Floats:
 def case_of(given: Given) -> lacsolver.Case:
     """The case; the displacements of the outer sides are functions."""
     axes = "xyz"[: given.dim - 1]
-    squares = " + ".join(f"{axis}^2" for axis in (axes if given.model != "axisymmetric" else "x")).replace("^", "**")
+    squares = " + ".join(f"{axis}**2" for axis in axes)
     bodies_of = zip(("upper", "lower"), given.bodies, strict=False)
     clearance = f"({squares}) / {2 * given.radius!r}"
     still = {f"u{axis}": 0.0 for axis in ("y" if given.model == "axisymmetric" else "xyz"[: given.dim])}
@@ -179,8 +182,6 @@ def solve_level(given: Given, level: int) -> LevelSolution:
         "best": p.best,
         "recovered": nodal_pressure_error(mesh, nodal, exact, axisymmetric=round_),
         "peak": abs(float(nodal[pole].max()) / given.p0 - 1),
-        "width": abs(half_width(zone.centre, zone.pressure, given.p0) - 1),
-        "approach": abs(approach(solved) / exact_approach(given) - 1),
     }
     return LevelSolution(solved, 1 / (k + given.fraction), errors)
 
@@ -215,109 +216,42 @@ def half_width(centre: Floats, p: Floats, p0: float) -> float:
     return edge_of_contact(np.linalg.norm(centre[:, :-1], axis=1), p, p0, 0.5)
 
 
-def approach(solved: Solved) -> float:
-    """Mutual approach of the points on the axis at depth a in slave and master (or in the rigid plane)."""
-    x, u = solved.mesh.points, solved.u
-    dim = u.shape[1]
-    far: list[float | None] = []
-    for height in (1.0, -1.0):
-        at = np.flatnonzero(np.abs(x[:, :dim] - [*[0.0] * (dim - 1), height]).max(axis=1) < 1e-9)
-        far.append(float(u[at[0], -1]) if len(at) else None)
-    above, below = far
-    if above is None:
-        raise ValueError("the slave has no node on the axis at depth a")
-    return (below or 0.0) - above  # a rigid plane has no depth, and stays
-
-
-def exact_approach(given: Given) -> float:
-    """Mutual approach of the same points in the half-spaces, in closed form."""
-    lifts = {
-        group: float(body.displacement(body.at(np.array([[*[0.0] * (given.dim - 1), float(body.side)]])))[0, -1])
-        for group, body in bodies(given).items()
-    }
-    return lifts.get("lower", 0.0) - lifts["upper"]
-
-
-#: quantities for information, by their names
-_QUANTITIES = {
-    "p0 (recovered, at the pole)": "peak",
-    "half-width a": "width",
-    "approach of the points at depth a": "approach",
-}
-
-
-def outcome(given: Given, title: str, *, levels: int) -> Outcome:
-    """Solve a case on its levels, and hold its errors against the figures."""
+@problem
+def outcome(given: Given, title: str, *, levels: int) -> Rows:
+    """Solve a case on its levels: rates and figures of the errors."""
     solutions = [solve_level(given, level) for level in range(levels)]
-    plot = profile(given, solutions[min(2, levels - 1)])
-    # a 3D solution is drawn on the level that is coarse enough to see the cells
-    pictures = (solutions[0].solved.picture(title),) if given.dim == 3 else ()
-    return Outcome(results(given, solutions), (plot,), pictures)
+    of, finest = partial(convergence, solutions), solutions[-1].errors
+    beside = "beside the rates that theory gives: no bound"
+    yield rate("u, energy norm", of("energy"), (0.95, 1.4)[given.order - 1], source=THEOREM)
+    yield rate("u, L2", of("u"), None, source="", reason=beside)
+    yield rate("p_m, L2", of("p_m"), 0.9, source=EDGE, reason=_EDGES)
+    yield rate("exact means of p, L2", of("best"), None, source="", reason="the best that constants do")
+    yield rate("recovered pressure, L2", of("recovered"), None, source="", reason=beside)
+    over = finest["recovered"] / finest["p_m"]
+    name = "error of the recovered pressure over that of p_m"
+    yield at_most(name, over, 0.5, source=RECOVERED, reason=_SHAPE)
+    name, reason = "p0 (recovered, at the pole), relative error", "on the finest level"
+    yield informative(name, finest["peak"], reason=reason, levels=of("peak"))
+    yield from balanced([one.solved for one in solutions])
+    if given.dim == 3:  # drawn on the level that is coarse enough to see the cells
+        yield solutions[0].solved.picture(title)
 
 
 #: errors with macro = "stars" over those of the cut on the same mesh, at most
 _OVER_CUT = {"energy": 1.05, "p_m": 1.8, "recovered": 1.8}
 
 
-def over_cut(given: Given, *, levels: int) -> Outcome:
+@problem
+def over_cut(given: Given, *, levels: int) -> Rows:
     """Errors with stars over those of the cut, on so many meshes."""
-    sizes, results, every = given.levels[:levels], [], []
-    for level, k in enumerate(sizes):
-        both = [solve_level(replace(given, macro=macro), level) for macro in ("stars", "cut")]
-        stars, cut = (one.errors for one in both)
-        every += [one.solved for one in both]
+    every = []
+    for level, k in enumerate(given.levels[:levels]):
+        stars, cut = (solve_level(replace(given, macro=macro), level) for macro in ("stars", "cut"))
+        every += [stars.solved, cut.solved]
         for name, most in _OVER_CUT.items():
-            quantity = f"{name}, error over that of the cut, k = {k}"
-            results.append(at_most(quantity, stars[name] / cut[name], most, source="the same mesh, cut"))
-    return Outcome((*results, *balanced(every)))
-
-
-def results(given: Given, solutions: list[LevelSolution]) -> tuple[Result, ...]:
-    """Rates and figures of a case."""
-    beside = "beside the rates that theory gives: none is asked of it"
-    finest, energy = solutions[-1].errors, (0.95, 1.4)[given.order - 1]
-    return (
-        rate("u, energy norm", convergence(solutions, "energy"), energy, source=THEOREM),
-        rate("u, L2", convergence(solutions, "u"), None, source="", reason=beside),
-        rate("p_m, L2", convergence(solutions, "p_m"), 0.9, source=EDGE, reason=_EDGES),
-        rate("exact means of p, L2", convergence(solutions, "best"), None, source="", reason=_BEST),
-        rate("recovered pressure, L2", convergence(solutions, "recovered"), None, source="", reason=beside),
-        at_most(
-            "error of the recovered pressure over that of p_m", finest["recovered"] / finest["p_m"], 0.5,
-            source=RECOVERED, reason=_SHAPE,
-        ),
-        *(
-            informative(
-                f"{name}, relative error", finest[error], reason="on the finest level",
-                levels=convergence(solutions, error),
-            )
-            for name, error in _QUANTITIES.items()
-        ),
-        *balanced([s.solved for s in solutions]),
-    )  # fmt: skip
-
-
-def profile(given: Given, at: LevelSolution) -> Plot:
-    """The pressure along the surface: exact, p_m, recovered."""
-    mesh, zone = at.solved.mesh, at.solved.fields.zones["slave"]
-    along = np.linspace(0, 1.3, 131)
-    exact = pressure(given, np.column_stack([along, *[np.zeros_like(along)] * (given.dim - 1)]))[:, 0]
-    r = np.linalg.norm(zone.centre[:, :-1], axis=1)
-    near = r <= 1.3
-    on_axis = np.isfinite(zone.pressure_recovered) & (mesh.points[:, 0] <= 1.3)
-    if given.dim == 3:
-        on_axis &= np.abs(mesh.points[:, 1]) < 1e-9
-    lines = (
-        line("exact", along, exact),
-        _sorted("p_m", r[near], zone.pressure[near], "points"),
-        _sorted("recovered", mesh.points[on_axis, 0], zone.pressure_recovered[on_axis], "both"),
-    )
-    return Plot("pressure", f"pressure, h = {at.h:.3g} a", "r / a", "p / E", lines)
-
-
-def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) -> Line:
-    order = np.argsort(x, kind="stable")
-    return line(label, x[order], y[order], style)
+            quantity, over = f"{name}, error over that of the cut, k = {k}", stars.errors[name] / cut.errors[name]
+            yield at_most(quantity, over, most, source="the same mesh, cut")
+    yield from balanced(every)
 
 
 PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")
@@ -326,54 +260,41 @@ MAIN_CELLS = (
     ("TETRA4", "pyramid"), ("TETRA10", "pyramid"), ("HEXA8", "pyramid"), ("HEXA8", "hexa"),
     ("HEXA20", "pyramid"), ("HEXA20", "hexa"), ("HEXA27", "pyramid"), ("PENTA15", "pyramid"),
 )  # fmt: skip
+OTHER_CELLS = tuple((name, "pyramid") for name in ("PENTA6", "PENTA18", "PYRAM5", "PYRAM13", "PYRAM14"))
 #: slave cells to the half-width: in the plane, and in space by the order of the cells
 _PLANE = (8, 16, 32, 64, 128)
 _SPACE = {1: (8, 12, 16, 24), 2: (6, 8, 12, 16)}
-OTHER_CELLS = tuple((name, "pyramid") for name in ("PENTA6", "PENTA18", "PYRAM5", "PYRAM13", "PYRAM14"))
-_QUICK = {
-    ("plane_strain", "TRIA3", False), ("plane_strain", "QUAD8", False), ("plane_strain", "TRIA6", True),
-    ("axisymmetric", "QUAD4", False), ("axisymmetric", "TRIA6", True), ("3d", "HEXA8 pyramid", False),
-}  # fmt: skip
+_QUICK = (
+    "2d-TRIA3-elastic", "2d-QUAD8-elastic", "2d-TRIA6-rigid", "axisymmetric-QUAD4-elastic",
+    "axisymmetric-TRIA6-rigid", "3d-HEXA8-pyramid-elastic",
+)  # fmt: skip
 
 
-def _cases() -> tuple[Case, ...]:
-    cases = []
+def _cases() -> Iterator[Case]:
+    def case(given: Given, label: str, full: int, every: int, seconds: float) -> Case:
+        shape = {"plane_strain": "cylinder", "axisymmetric": "sphere, axisymmetric", "3d": "sphere"}[given.model]
+        words = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
+        start = "2d" if given.model == "plane_strain" else given.model
+        name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
+        quick = 3 * (name in _QUICK)
+        return row("hertz", name, words, outcome, given, words, quick=quick, full=full, every=every, seconds=seconds)
+
     for rigid in (False, True):
         for model in ("plane_strain", "axisymmetric"):
-            cases += [_case(Given(model, cell, "pyramid", rigid, _PLANE), cell, 5, 5, 6.0) for cell in PLANE_CELLS]
+            for cell in PLANE_CELLS:
+                yield case(Given(model, cell, "pyramid", rigid, _PLANE), cell, 5, 5, 6.0)
         for cell, hexa in (*MAIN_CELLS, *OTHER_CELLS):
-            many = (cell, hexa) in MAIN_CELLS
+            many, order = (cell, hexa) in MAIN_CELLS, CELLS[cell].order
             label = f"{cell} {hexa}" if cell in ("HEXA8", "HEXA20") else cell
-            order = CELLS[cell].order
             seconds = {1: 30.0, 2: 150.0 if many else 80.0}[order] * (0.5 if rigid else 1.0)
-            cases.append(_case(Given("3d", cell, hexa, rigid, _SPACE[order]), label, 4 if many else 3, 4, seconds))
-    for model, cell in (("plane_strain", "TRIA3"), ("plane_strain", "QUAD4"), ("axisymmetric", "QUAD4"),
-                        ("3d", "TETRA4"), ("3d", "HEXA8"), ("3d", "TETRA10")):  # fmt: skip
-        given = Given(model, cell, "pyramid", False, (8, 12) if model == "3d" else (16, 32, 64))
-        name, levels = f"{model}-{cell}-stars", {"full": 2} if model == "3d" else {"quick": 2, "full": 3}
-        cases.append(Case("hertz", name, f"{cell}, stars over the cut", partial(over_cut, given), levels, 15.0))
-    return tuple(cases)
+            yield case(Given("3d", cell, hexa, rigid, _SPACE[order]), label, 4 if many else 3, 4, seconds)
+    for model, cells in (("plane_strain", ("TRIA3", "QUAD4")), ("axisymmetric", ("QUAD4",)),
+                         ("3d", ("TETRA4", "HEXA8", "TETRA10"))):  # fmt: skip
+        sizes, quick, full = ((8, 12), 0, 2) if model == "3d" else ((16, 32, 64), 2, 3)
+        for cell in cells:
+            name, words = f"{model}-{cell}-stars", f"{cell}, stars over the cut"
+            given = Given(model, cell, "pyramid", False, sizes)
+            yield row("hertz", name, words, over_cut, given, quick=quick, full=full, seconds=15.0)
 
 
-def _case(given: Given, label: str, full: int, everything: int, seconds: float) -> Case:
-    shape = {"plane_strain": "cylinder", "axisymmetric": "sphere, axisymmetric", "3d": "sphere"}[given.model]
-    start = {"plane_strain": "2d"}.get(given.model, given.model)
-    name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
-    quick = {"quick": 3} if (given.model, label, given.rigid) in _QUICK else {}
-    description = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
-    levels = {**quick, "full": full, "all": everything}
-    return Case("hertz", name, description, partial(outcome, given, description), levels, seconds)
-
-
-TEXT = """\
-Two elastic half-spaces, or one on a rigid plane, whose clearance is `r^2 / 2R`: Hertz's own problem, of which the mesh
-is a piece. On its outer sides the displacements of the half-spaces are imposed, in closed form (Muskhelishvili's
-solution in the plane, Green and Collins' potential about an axis), so that the mesh is the only error and rates are
-clean. The edge of contact lies at the same fraction of its macro-element on every level; slave and master lines do not
-match.
-
-In the plane the displacement of half-planes is known up to a constant; the datum is that both surfaces' points on the
-axis stand still. The approach is that of the two points on the axis at depth a.
-"""
-
-FAMILY = Family("hertz", "Hertz, half-spaces", TEXT, _cases())
+FAMILY = Family("hertz", "Hertz, half-spaces", __doc__.partition("\n\n")[2], tuple(_cases()))

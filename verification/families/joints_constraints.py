@@ -11,8 +11,7 @@ along the axes, as its supports in cylindrical axes have there but for round-off
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from verification.exact.lame import Disc, Fit, Shell
 from verification.measures.norms import displacement_error
 from verification.meshes.blocks import block
 from verification.meshes.sectors import fitted, sector, whole
-from verification.records import Case, Outcome, at_most, rate
+from verification.records import Case, Rows, at_most, problem, rate, row
 from verification.solving import LevelSolution, case_text, convergence, entry, model_of, solve
 
 Floats = NDArray[np.floating]
@@ -39,71 +38,53 @@ _FINITE = {"law": "neo_hookean"}
 # ---- couplings
 
 
-def solve_spread(cell: str, kinematics: str, weights: str | None = "1 + x + y**2", *, levels: int) -> Outcome:
+@problem
+def solve_spread(cell: str, kinematics: str, weights: str | None = "1 + x + y**2") -> Rows:
     """A force and a moment at a point, spread by `weights` over a side of a block of a cell type. Solve under the
     loads: what the load is, and what the support carries, about the place of the point.
     """
     dim, point, F, M = _loads(cell)
-    text = _block_text(
-        cell, kinematics,
-        entry(
-            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), weights=weights,
-            moment=M.tolist() if dim == 3 else float(M[0]), **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)),
-        ),
-    )  # fmt: skip
-    one = solve(text, _block(cell))
-    problem, state = one.problem, one.state
-    (load,) = resultants(problem.space, problem.materials, problem.case, 1.0, u=state.u)
-    coupling = next(iter(one.figures.couplings.values()))
-    reaction = next(iter(one.figures.reactions.values()))
+    moment = M.tolist() if dim == 3 else float(M[0])
+    load = _coupling(dim, at=point.tolist(), weights=weights, moment=moment, **_components("f", F))
+    one = solve(_block_text(cell, kinematics, load), _block(cell))
+    (total,) = resultants(one.problem.space, one.problem.materials, one.problem.case, 1.0, u=one.state.u)
+    coupling, reaction = next(iter(one.figures.couplings.values())), next(iter(one.figures.reactions.values()))
     size = float(np.abs(F).max())
     source = "the forces add up to the load at the point, whatever the weights"
-    errors = {
-        "resultant of the load": np.abs(np.array(load.force) - F).max() / size,
-        "moment of the load about the displaced point": np.abs(coupling.moment - M).max() / np.abs(M).max(),
-    }
-    off = float(np.abs(reaction + F).max() / size)
-    return Outcome((
-        *(at_most(f"error of the {name}", float(value), EXACT, source=source) for name, value in errors.items()),
-        at_most("error of the support's force", off, 1e-9, source="equilibrium"),
-    ))  # fmt: skip
+    off = np.abs(np.array(total.force) - F).max() / size
+    yield at_most("error of the resultant of the load", off, EXACT, source=source)
+    off = np.abs(coupling.moment - M).max() / np.abs(M).max()
+    yield at_most("error of the moment of the load about the displaced point", off, EXACT, source=source)
+    off = np.abs(reaction + F).max() / size
+    yield at_most("error of the support's force", off, 1e-9, source="equilibrium")
 
 
-def solve_pulled(cell: str, kinematics: str, *, levels: int) -> Outcome:
+@problem
+def solve_pulled(cell: str, kinematics: str) -> Rows:
     """A block of a cell type, pulled by a traction, and by a coupling with the same force: one solution."""
     dim, _, F, _ = _loads(cell)
-    side = f"{'xyz'[dim - 1]}1"
-    traction = entry("traction", group=side, **dict(zip(("tx", "ty", "tz"), F.tolist(), strict=False)))
-    coupling = entry("coupling", group=side, **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)))
+    traction = entry("traction", group=f"{'xyz'[dim - 1]}1", **_components("t", F))
+    coupling = _coupling(dim, **_components("f", F))
     one, other = (solve(_block_text(cell, kinematics, how), _block(cell)) for how in (traction, coupling))
-    error = float(np.abs(other.u - one.u).max() / np.abs(one.u).max())
-    source = "weights of the area's shape functions"
-    return Outcome((at_most("difference of the displacements", error, SOLVED, source=source),))
+    error = np.abs(other.u - one.u).max() / np.abs(one.u).max()
+    yield at_most("difference of the displacements", error, SOLVED, source="weights of the area's shape functions")
 
 
-def solve_turned(cell: str, weights: str | None = None, count: int = 4, *, levels: int) -> Outcome:
-    """A block of a cell type, held by one side alone, which is turned by large angles in `count` steps. The body turns
+@problem
+def solve_turned(cell: str, weights: str | None = None, count: int = 4) -> Rows:
+    """A block of a cell type, fixed by one side alone, which is turned by large angles in `count` steps. The body turns
     as a whole, without energy.
     """
     dim, point, _, _ = _loads(cell)
     theta = [1.5, -1.2, 0.9] if dim == 3 else 2.5
-    moved = dict.fromkeys(("ux", "uy", "uz")[:dim], 0.5)
-    text = _block_text(
-        cell, "finite",
-        entry(
-            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=weights, **moved
-        ),
-        entry("steps", count=count), fixed=False,
-    )  # fmt: skip
-    one = solve(text, _block(cell))
+    moved = _components("u", [0.5] * dim)
+    turn = _coupling(dim, at=point.tolist(), rotation=theta, weights=weights, **moved)
+    one = solve(_block_text(cell, "finite", turn, entry("steps", count=count), fixed=False), _block(cell))
     arm = one.mesh.points.copy()
     arm[:, :dim] -= point
     wanted = (arm @ _rotation(np.atleast_1d(theta)).T - arm)[:, :dim] + 0.5
-    energy = one.figures.energy / _STEEL["young"]
-    return Outcome((
-        at_most("largest error of a displacement", float(np.abs(one.u - wanted).max()), 1e-11, source="a rotation"),
-        at_most("strain energy over young", energy, 1e-20, source="no strain"),
-    ))  # fmt: skip
+    yield at_most("largest error of a displacement", np.abs(one.u - wanted).max(), 1e-11, source="a rotation")
+    yield at_most("strain energy over young", one.figures.energy / _STEEL["young"], 1e-20, source="no strain")
 
 
 def _rotation(theta: Floats) -> Floats:
@@ -113,6 +94,16 @@ def _rotation(theta: Floats) -> Floats:
     x, y, z = full / angle
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def _coupling(dim: int, **keys: object) -> str:
+    """A coupling of the upper side of a block."""
+    return entry("coupling", group=f"{'xyz'[dim - 1]}1", **keys)
+
+
+def _components(letter: str, values: Iterable[float]) -> dict[str, float]:
+    """Keys of a case for the components of a vector."""
+    return {f"{letter}{axis}": float(value) for axis, value in zip("xyz", values, strict=False)}
 
 
 def _loads(cell: str) -> tuple[int, Floats, Floats, Floats]:
@@ -130,7 +121,7 @@ def _block(cell: str) -> Mesh:
 def _block_text(cell: str, kinematics: str, *tables: str, fixed: bool = True) -> str:
     dim = CELLS[cell].dim
     law = _FINITE if kinematics == "finite" else {}
-    foot = entry("displacement", group=f"{'xyz'[dim - 1]}0", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0))
+    foot = entry("displacement", group=f"{'xyz'[dim - 1]}0", **_components("u", [0.0] * dim))
     keys = [entry("material", **_STEEL, **law), *([foot] if fixed else []), *tables]
     return case_text(model_of(dim), *keys, kinematics=kinematics)
 
@@ -138,7 +129,8 @@ def _block_text(cell: str, kinematics: str, *tables: str, fixed: bool = True) ->
 # ---- sectors
 
 
-def solve_ring(cell: str, kinematics: str, *, levels: int) -> Outcome:
+@problem
+def solve_ring(cell: str, kinematics: str) -> Rows:
     """A sixth of a ring of a cell type, and the whole. Both under a load that every sector has, without a plane of
     symmetry.
     """
@@ -156,14 +148,13 @@ def solve_ring(cell: str, kinematics: str, *, levels: int) -> Outcome:
     text = case_text(model_of(dim), *tables, _cyclic(), kinematics=kinematics)
     part = solve(text, sector(cell, counts, radii, SECTORS))
     away, at = cKDTree(one.mesh.points).query(part.mesh.points)
+    yield at_most("distance of the nodes", away.max(), 1e-9, source="the same mesh")
     error = np.abs(part.u - one.u[at]).max() / np.abs(one.u).max()
-    return Outcome((
-        at_most("distance of the nodes", float(away.max()), 1e-9, source="the same mesh"),
-        at_most("difference of the displacements", float(error), 1e-9, source="the sector is a part of the ring"),
-    ))  # fmt: skip
+    yield at_most("difference of the displacements", error, 1e-9, source="the sector is a part of the ring")
 
 
-def solve_growth(cell: str, kinematics: str, *, levels: int) -> Outcome:
+@problem
+def solve_growth(cell: str, kinematics: str) -> Rows:
     """A sixth of a ring of a cell type, whose sides do not match. The displacement e X of an even strain, which is
     given within and around.
     """
@@ -177,42 +168,37 @@ def solve_growth(cell: str, kinematics: str, *, levels: int) -> Outcome:
     counts = (3, 4) if dim == 2 else (2, 3, 2)
     one = solve(text, sector(cell, counts, (1.0, 2.0), SECTORS, skew=0.2))
     wanted = 0.05 * one.mesh.points[:, :dim] * np.array([1.0, 1.0, 0.0])[:dim]
+    yield at_most("largest error of a displacement", np.abs(one.u - wanted).max(), SOLVED, source="a patch test")
     tied = len(one.problem.joints)
-    return Outcome((
-        at_most("largest error of a displacement", float(np.abs(one.u - wanted).max()), SOLVED, source="a patch test"),
-        at_most("sides that are tied, short of one", float(1 - tied), 0.0, source="they do not match"),
-    ))  # fmt: skip
+    yield at_most("sides that are tied, short of one", 1 - tied, 0.0, source="they do not match")
 
 
-def solve_disc(cell: str, skew: float, *, levels: int) -> Outcome:
+@problem
+def solve_disc(cell: str, skew: float, *, levels: int) -> Rows:
     """A sixth of a disc that rotates, in cells of one type; `skew`: of the sides. Displacements on finer and finer
     meshes.
     """
     exact, order = Disc(1.0, 2.0, 100.0, 0.3, 3.0), CELLS[cell].order
-    solutions = []
-    for k in range(levels):
-        n = 4 * 2**k if order == 1 else 2 * 2**k
-        one = solve(_disc_text(exact), sector(cell, (n, n), (1.0, 2.0), SECTORS, skew=skew))
-        error = displacement_error(one.mesh, one.u, exact.displacement)
-        solutions.append(LevelSolution(one, 1 / n, {"u": error}))
-    reason = "displacements of order p + 1" + ("; a tie leaves an error of the mean jumps" if skew else "")
-    wanted = order + 1 - (0.4 if skew else 0.15)
-    return Outcome(
-        (rate("displacement in L2", convergence(solutions, "u"), wanted, source="interpolation", reason=reason),)
-    )
-
-
-def _disc_text(exact: Disc) -> str:
-    return case_text(
+    text = case_text(
         "plane_stress",
         entry("material", young=exact.young, poisson=exact.poisson),
         _cyclic(),
         entry("body_force", fx=f"{exact.load!r} * x * t", fy=f"{exact.load!r} * y * t"),
         _axes(entry("displacement", group="in", uy=0.0), 2),
     )
+    solutions = []
+    for k in range(levels):
+        n = 4 * 2**k if order == 1 else 2 * 2**k
+        one = solve(text, sector(cell, (n, n), (1.0, 2.0), SECTORS, skew=skew))
+        error = displacement_error(one.mesh, one.u, exact.displacement)
+        solutions.append(LevelSolution(one, 1 / n, {"u": error}))
+    reason = "displacements of order p + 1" + ("; a tie leaves an error of the mean jumps" if skew else "")
+    wanted = order + 1 - (0.4 if skew else 0.15)
+    yield rate("displacement in L2", convergence(solutions, "u"), wanted, source="interpolation", reason=reason)
 
 
-def solve_fit(cell: str, skew: float, sectors: int = SECTORS, *, levels: int) -> Outcome:
+@problem
+def solve_fit(cell: str, skew: float, sectors: int = SECTORS, *, levels: int) -> Rows:
     """One of `sectors` of a press fit, in cells of one type; `skew`: of the sides. The pressure of contact on finer
     and finer meshes: its slave ends at the sides of the sector.
     """
@@ -233,9 +219,7 @@ def solve_fit(cell: str, skew: float, sectors: int = SECTORS, *, levels: int) ->
         error = float(np.abs(zone.pressure / exact.between - 1).max())
         solutions.append(LevelSolution(one, 1 / n, {"p": error}))
     wanted, reason = (1.8 if not skew else 1.0), "the worst macro-element; linear cells on facets"
-    return Outcome(
-        (rate("largest error of a pressure", convergence(solutions, "p"), wanted, source="Lame", reason=reason),)
-    )
+    yield rate("largest error of a pressure", convergence(solutions, "p"), wanted, source="Lame", reason=reason)
 
 
 def _cyclic(sectors: int = SECTORS) -> str:
@@ -253,36 +237,30 @@ CELL_TYPES = ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "P
 def cases(family: str) -> Iterator[Case]:
     """Cases of this module."""
     for cell in CELL_TYPES:
-        quick = {"quick": 1} if cell in ("QUAD8", "HEXA8") else {}
-        levels = {**quick, "full": 1}
+        quick = int(cell in ("QUAD8", "HEXA8"))
         for kinematics in ("small", "finite"):
-            name, how = f"{kinematics}-{cell}", f"{kinematics} displacements, {cell}"
-            spread = partial(solve_spread, cell, kinematics)
-            yield Case(family, f"spread-{name}", f"a force and a moment at a point, {how}", spread, levels, 1.0)
-            pulled = partial(solve_pulled, cell, kinematics)
-            yield Case(family, f"pulled-{name}", f"pulled by a coupling and by a traction, {how}", pulled, levels, 1.0)
-            ring = partial(solve_ring, cell, kinematics)
-            yield Case(family, f"ring-{name}", f"a sector against the whole ring, {how}", ring, levels, 4.0)
-            growth = partial(solve_growth, cell, kinematics)
-            yield Case(family, f"growth-{name}", f"growth across sides that do not match, {how}", growth, levels, 2.0)
-        for weights in (None, "1 + x"):
-            called = "area" if weights is None else "given"
-            turned = partial(solve_turned, cell, weights)
-            yield Case(
-                family, f"turned-by-{called}-{cell}", f"a large rotation, {called} weights, {cell}", turned, levels, 2.0
-            )
-        at_once = partial(solve_turned, cell, None, 1)
-        yield Case(family, f"turned-at-once-{cell}", f"a large rotation in one step, {cell}", at_once, levels, 2.0)
-    quarter, levels = partial(solve_fit, "QUAD4", 0.0, 4), {"quick": 3, "full": 3}
-    yield Case(family, "fit-quarter-QUAD4", "a press fit, a quarter between the axes, QUAD4", quarter, levels, 4.0)
+            for name, words, solve_, seconds in (
+                ("spread", "a force and a moment at a point", solve_spread, 1.0),
+                ("pulled", "pulled by a coupling and by a traction", solve_pulled, 1.0),
+                ("ring", "a sector against the whole ring", solve_ring, 4.0),
+                ("growth", "growth across sides that do not match", solve_growth, 2.0),
+            ):
+                words = f"{words}, {kinematics} displacements, {cell}"
+                yield row(family, f"{name}-{kinematics}-{cell}", words, solve_, cell, kinematics, quick=quick, full=1,
+                          seconds=seconds)  # fmt: skip
+        for name, words, given in (
+            ("by-area", "area weights", (cell, None)), ("by-given", "given weights", (cell, "1 + x")),
+            ("at-once", "one step", (cell, None, 1)),
+        ):  # fmt: skip
+            words = f"a large rotation, {words}, {cell}"
+            yield row(family, f"turned-{name}-{cell}", words, solve_turned, *given, quick=quick, full=1, seconds=2.0)
+    words = "a press fit, a quarter between the axes, QUAD4"
+    yield row(family, "fit-quarter-QUAD4", words, solve_fit, "QUAD4", 0.0, 4, quick=3, full=3, seconds=4.0)
     for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9"):
-        for skew in (0.0, 0.2):
-            sides = "matching" if not skew else "other"
-            quick = {"quick": 3} if cell == "QUAD4" else {}
-            disc = partial(solve_disc, cell, skew)
-            description = f"a rotating disc, {sides} sides, {cell}"
-            yield Case(family, f"disc-{sides}-{cell}", description, disc, {**quick, "full": 3}, 3.0)
-            fit = partial(solve_fit, cell, skew)
-            yield Case(
-                family, f"fit-{sides}-{cell}", f"a press fit, {sides} sides, {cell}", fit, {**quick, "full": 3}, 4.0
+        for sides, skew in (("matching", 0.0), ("other", 0.2)):
+            suites, name = {"quick": 3 * (cell == "QUAD4"), "full": 3}, f"{sides}-{cell}"
+            words = f"{sides} sides, {cell}"
+            yield row(
+                family, f"disc-{name}", f"a rotating disc, {words}", solve_disc, cell, skew, **suites, seconds=3.0
             )
+            yield row(family, f"fit-{name}", f"a press fit, {words}", solve_fit, cell, skew, **suites, seconds=4.0)

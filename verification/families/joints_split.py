@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from lacsolver.case import Displacement, Traction, Value
 from verification.exact.opened_cracks import EdgeCrack, PennyCrack
 from verification.meshes import cracks as meshes
 from verification.meshes.blocks import BLOCK_TYPES, block, joined
-from verification.records import Case, Outcome, Result, at_most, informative, rate
+from verification.records import Case, Rows, at_most, informative, problem, rate, row
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve, with_motions
 
 Floats = NDArray[np.floating]
@@ -33,14 +32,17 @@ Floats = NDArray[np.floating]
 ROUNDING = 1e-10
 #: power of h that the opening r^(n/2) reaches, less what its logarithm takes on these meshes
 RATES = {1: 0.6, 3: 1.5}
+#: cells along a crack, by the order of the cells
+_SIZES = {1: (8, 16, 32), 2: (4, 8, 16)}
 
 
 # ---- cracks
 
 
-def solve_edge(cell: str, sizes: tuple[int, ...], exact: EdgeCrack, wanted: float, *, levels: int) -> Outcome:
+@problem
+def solve_edge(cell: str, sizes: tuple[int, ...], exact: EdgeCrack, wanted: float, *, levels: int) -> Rows:
     """An edge crack in cells of one type, of `sizes` cells along it."""
-    return _judged([_edge(cell, exact, n) for n in sizes[:levels]], wanted)
+    yield from _judged([_edge(cell, exact, n) for n in sizes[:levels]], wanted)
 
 
 def _edge(cell: str, exact: EdgeCrack, n: int) -> LevelSolution:
@@ -68,9 +70,10 @@ def _edge(cell: str, exact: EdgeCrack, n: int) -> LevelSolution:
     return _level(one, n, opening, exact.opening(-x[:, 0]), np.ones(len(x)))
 
 
-def solve_penny(cell: str, sizes: tuple[int, ...], exact: PennyCrack, *, levels: int) -> Outcome:
+@problem
+def solve_penny(cell: str, sizes: tuple[int, ...], *, levels: int) -> Rows:
     """A penny-shaped crack, axisymmetric in cells of one type or in space, of `sizes` cells along its radius."""
-    return _judged([_penny(cell, exact, n) for n in sizes[:levels]], RATES[1])
+    yield from _judged([_penny(cell, PennyCrack(), n) for n in sizes[:levels]], RATES[1])
 
 
 def _penny(cell: str, exact: PennyCrack, n: int) -> LevelSolution:
@@ -104,7 +107,7 @@ def _openings(one: Solved, axis: int) -> tuple[Floats, Floats]:
     mesh, u = one.mesh, one.u[:, axis]
     sides = []
     for name in ("crack_a", "crack_b"):
-        nodes = np.unique(np.concatenate([rows.ravel() for _, _, rows in mesh.select(mesh.cells_of(name))]))
+        nodes = mesh.nodes_on(mesh.cells_of(name))
         sides.append({tuple(np.round(mesh.points[node], 9).tolist()): int(node) for node in nodes})
     both = [(sides[0][place], sides[1][place]) for place in sides[0].keys() & sides[1].keys()]
     a, b = np.array(both).T
@@ -117,22 +120,21 @@ def _level(one: Solved, n: int, opening: Floats, exact: Floats, weight: Floats) 
     return LevelSolution(one, 1 / n, {"opening": error, "pressure": float(one.zone.pressure.max())})
 
 
-def _judged(solutions: list[LevelSolution], wanted: float) -> Outcome:
+def _judged(solutions: list[LevelSolution], wanted: float) -> Rows:
     reason = "the opening is r^(n/2): h^n sqrt(log(1 / h)), as errors fall with 1 / sqrt(r) from the front"
     levels = convergence(solutions, "opening")
-    return Outcome((
-        rate("opening at the nodes", levels, wanted, source="regularity at the front", reason=reason, last=3),
-        informative("relative error of the opening on the finest mesh", levels[-1].error, reason="no bound"),
-        at_most("pressure of contact", max(one.errors["pressure"] for one in solutions), 0.0, source="it is open"),
-    ))  # fmt: skip
+    yield rate("opening at the nodes", levels, wanted, source="regularity at the front", reason=reason, last=3)
+    yield informative("relative error of the opening on the finest mesh", levels[-1].error, reason="no bound")
+    yield at_most("pressure of contact", max(s.errors["pressure"] for s in solutions), 0.0, source="it is open")
 
 
 # ---- bolts
 
 
+@problem
 def solve_clamped(
-    cell: str, locked: bool = True, halves: bool = False, young: float = 1000.0, force: float = 10.0, *, levels: int
-) -> Outcome:
+    cell: str, locked: bool = True, halves: bool = False, young: float = 1000.0, force: float = 10.0
+) -> Rows:
     """A bolt and the columns that it clamps; `halves`: its section lies between two meshes; `locked`: by a force.
     Tighten, then pull with 0, F0, 2 F0 and 3 F0: the columns part at 2 F0, as both are as stiff as the bolt.
     """
@@ -157,21 +159,13 @@ def solve_clamped(
     off = [states[k].pretension["shank"].force / wanted - 1 for k, wanted in enumerate((F, 1.5 * F, 2 * F, 3 * F))]
     clamp = [-states[k].contact["slave"].resultant[-1] - wanted for k, wanted in enumerate((F, F / 2, 0, 0))]
     source = "F0 + F kb / (kb + kc) until the columns part, F after it"
-    results: list[Result] = [
-        at_most("relative error of the bolt's force", float(np.abs(off).max()), ROUNDING, source=source),
-        at_most("error of the clamping force over F0", float(np.abs(clamp).max() / F), ROUNDING, source=source),
-    ]
-    return Outcome((*results, *balanced([one])))
+    yield at_most("relative error of the bolt's force", np.abs(off).max(), ROUNDING, source=source)
+    yield at_most("error of the clamping force over F0", np.abs(clamp).max() / F, ROUNDING, source=source)
+    yield from balanced([one])
 
 
-def solve_bent(
-    cell: str,
-    halves: bool,
-    kinematics: str = "small",
-    force: tuple[float, float, float] = (0.3, 0.2, 5.0),
-    *,
-    levels: int,
-) -> Outcome:
+@problem
+def solve_bent(cell: str, halves: bool, force: tuple[float, float, float] = (0.3, 0.2, 5.0)) -> Rows:
     """A bolt 1 wide and 3 high, fixed below, with a section at the height 1 and forces on its end. The section carries
     what acts beyond it: forces, and their moments about its centre.
     """
@@ -189,14 +183,12 @@ def solve_bent(
     side = np.sign(one.problem.sections[0].normal[-1])
     exact = np.cross([0.0, 0.0, 2.0], force) if dim == 3 else np.array(-2.0 * force[0])
     assert bolt.moment is not None
-    errors = {
-        "force across and along the bolt": np.abs(side * bolt.resultant - pull).max() / force[2],
-        "moment of the section": np.abs(side * bolt.moment - exact).max() / np.abs(exact).max(),
-        "shortening": abs(bolt.shortening / 0.01 - 1),
-    }
-    return Outcome(
-        tuple(at_most(f"error of the {name}", float(e), 1e-9, source="equilibrium") for name, e in errors.items())
-    )
+    for name, error in (
+        ("force across and along the bolt", np.abs(side * bolt.resultant - pull).max() / force[2]),
+        ("moment of the section", np.abs(side * bolt.moment - exact).max() / np.abs(exact).max()),
+        ("shortening", abs(bolt.shortening / 0.01 - 1)),
+    ):
+        yield at_most(f"error of the {name}", error, 1e-9, source="equilibrium")
 
 
 def _beam(kind: str, halves: bool) -> Mesh:
@@ -215,27 +207,22 @@ def _beam(kind: str, halves: bool) -> Mesh:
 
 def cases(family: str) -> Iterator[Case]:
     """Cases of this module."""
+    plane, space = ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9"), ("TETRA4", "HEXA8", "PENTA6", "HEXA20", "TETRA10")
     for n, called, what in ((1, "edge", "of a stress intensity"), (3, "cusp", "that opens as a cusp")):
-        for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "PENTA6", "HEXA20", "TETRA10"):
-            sizes = (8, 16, 32) if CELLS[cell].order == 1 else (4, 8, 16)
-            levels = {"quick": 3, "full": 3} if cell in ("QUAD4", "TRIA6") else {"full": 3}
-            given = partial(solve_edge, cell, sizes, EdgeCrack(n), RATES[n])
-            yield Case(family, f"{called}-{cell}", f"edge crack {what}, {cell}", given, levels, 6.0)
-    for cell, sizes in (("TRIA3", (8, 16, 32)), ("QUAD4", (8, 16, 32)), ("QUAD8", (4, 8, 16)), ("TRIA6", (4, 8, 16))):
-        levels = {"quick": 3, "full": 3} if cell == "QUAD4" else {"full": 3}
-        crack = partial(solve_penny, cell, sizes, PennyCrack())
-        yield Case(family, f"penny-{cell}", f"penny-shaped crack, axisymmetric, {cell}", crack, levels, 6.0)
-    crack = partial(solve_penny, "HEXA20", (2, 3, 4), PennyCrack())
-    yield Case(family, "penny-HEXA20", "penny-shaped crack in space", crack, {"full": 3}, 30.0)
+        for cell in (*plane, *space):
+            sizes, quick = _SIZES[CELLS[cell].order], 3 * (cell in ("QUAD4", "TRIA6"))
+            case = (solve_edge, cell, sizes, EdgeCrack(n), RATES[n])
+            yield row(family, f"{called}-{cell}", f"edge crack {what}, {cell}", *case, quick=quick, full=3, seconds=6.0)
+    for cell in ("TRIA3", "QUAD4", "QUAD8", "TRIA6"):
+        words, given = f"penny-shaped crack, axisymmetric, {cell}", (cell, _SIZES[CELLS[cell].order])
+        yield row(family, f"penny-{cell}", words, solve_penny, *given, quick=3 * (cell == "QUAD4"), full=3, seconds=6.0)
+    words = "penny-shaped crack in space"
+    yield row(family, "penny-HEXA20", words, solve_penny, "HEXA20", (2, 3, 4), full=3, seconds=30.0)
     for cell in BLOCK_TYPES:
-        quick = {"quick": 1} if cell in ("QUAD4", "TETRA10", "HEXA8") else {}
-        levels = {**quick, "full": 1}
-        solve = partial(solve_clamped, cell)
-        yield Case(family, f"clamped-{cell}", f"a locked bolt and what it clamps, {cell}", solve, levels, 3.0)
-        for halves in (False, True):
-            where = "between meshes" if halves else "inside"
-            name = f"{'halves' if halves else 'whole'}-{cell}"
-            turned = partial(solve_clamped, cell, locked=False, halves=halves)
-            yield Case(family, f"turned-{name}", f"a bolt shortened at a section {where}, {cell}", turned, levels, 3.0)
-            bent = partial(solve_bent, cell, halves)
-            yield Case(family, f"bent-{name}", f"a bent bolt, its section {where}, {cell}", bent, levels, 2.0)
+        suites = {"quick": int(cell in ("QUAD4", "TETRA10", "HEXA8")), "full": 1}
+        yield row(family, f"clamped-{cell}", f"a locked bolt and what it clamps, {cell}", solve_clamped, cell, **suites)
+        for halves, name, where in ((False, "whole", "inside"), (True, "halves", "between meshes")):
+            name, words = f"{name}-{cell}", f"a bolt shortened at a section {where}, {cell}"
+            yield row(family, f"turned-{name}", words, solve_clamped, cell, False, halves, **suites)
+            words = f"a bent bolt, its section {where}, {cell}"
+            yield row(family, f"bent-{name}", words, solve_bent, cell, halves, **suites)

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from lacmesh import Mesh
 from verification.meshes.blocks import joined
 from verification.meshes.stacks import moved, stack
-from verification.records import Case, Outcome, Result, at_most, equal
+from verification.records import Case, Rows, at_most, equal, problem, row
 from verification.solving import Solved, case_text, entry, model_of, solve
 
 #: name of a change of units -> factors of lengths and of stresses
@@ -29,31 +28,26 @@ _RATIOS = (1e3, 1e4, 1e5)
 _NAMES = ("bottom", "slave", "master", "top")
 
 
-def solve_units(joint: str, dim: int, *, levels: int) -> Outcome:
+@problem
+def solve_units(joint: str, dim: int) -> Rows:
     """A block on another one, joined by a `joint`, whose top is pressed and does not turn, in all units."""
-    base, results = _pressed(joint, dim), list[Result]()
+    base, source = _pressed(joint, dim), "similarity"
     for name, (length, stress) in _UNITS.items():
         other = _pressed(joint, dim, length, stress)
+        iterations, reason = (other.state.iterations, base.state.iterations), "those of the model as it stands"
+        yield equal(f"iterations, {name}", *iterations, 0.0, source=source, reason=reason)
         off = np.abs(other.state.u / length - base.state.u).max() / np.abs(base.state.u).max()
-        results.append(
-            equal(
-                f"iterations, {name}", other.state.iterations, base.state.iterations, 0.0,
-                source="similarity", reason="those of the model as it stands",
-            )
-        )  # fmt: skip
-        results.append(at_most(f"difference of displacements, {name}", float(off), _SOLVED, source="similarity"))
-    return Outcome(tuple(results))
+        yield at_most(f"difference of displacements, {name}", off, _SOLVED, source=source)
 
 
-def solve_two_sizes(kinematics: str, dim: int, *, levels: int) -> Outcome:
+@problem
+def solve_two_sizes(kinematics: str, dim: int) -> Rows:
     """Two contacts in one model, of which the second is smaller by a factor."""
-    alone, results = _pressed("contact", dim, kinematics=kinematics), list[Result]()
+    pressures = _pressed("contact", dim, kinematics=kinematics).zone.pressure
     for ratio in _RATIOS:
         both = _pressed("contact", dim, kinematics=kinematics, sizes=(1.0, 1 / ratio))
-        pressures = alone.zone.pressure
         off = max(np.abs(zone.pressure - pressures).max() / pressures.max() for zone in both.state.zones)
-        results.append(at_most(f"difference of pressures, 1 : {ratio:g}", float(off), _SMALL, source="similarity"))
-    return Outcome(tuple(results))
+        yield at_most(f"difference of pressures, 1 : {ratio:g}", off, _SMALL, source="similarity")
 
 
 def _pressed(
@@ -82,12 +76,11 @@ def _pressed(
 
 def cases(family: str) -> Iterator[Case]:
     """Cases of this module."""
-    levels = {"quick": 1, "full": 1}
     for dim in (2, 3):
         for joint in ("tie", "contact"):
-            units, words = partial(solve_units, joint, dim), f"a {joint} and a coupling in other units, {dim}D"
-            yield Case(family, f"units-{joint}-{dim}d", words, units, levels, 2.0)
+            words = f"a {joint} and a coupling in other units, {dim}D"
+            yield row(family, f"units-{joint}-{dim}d", words, solve_units, joint, dim, quick=1, seconds=2.0)
         for kinematics in ("small", "finite"):
-            sizes = partial(solve_two_sizes, kinematics, dim)
             words = f"two contacts of different sizes, {kinematics} displacements, {dim}D"
-            yield Case(family, f"two-sizes-{kinematics}-{dim}d", words, sizes, levels, 4.0)
+            name = f"two-sizes-{kinematics}-{dim}d"
+            yield row(family, name, words, solve_two_sizes, kinematics, dim, quick=1, seconds=4.0)

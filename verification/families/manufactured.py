@@ -9,21 +9,18 @@ t, so that it can be halved.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.exact.sources import Law, SymbolicFunction, Texts, compiled, derive, missing
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
-from verification.pages.charts import Plot
-from verification.profiles import line, pressures, residuals
-from verification.records import Case, Family, Outcome, Picture, Published, Result, informative, rate
+from verification.records import Case, Family, Published, Rows, problem, rate, row
 from verification.solving import LevelSolution, balanced, case_text, convergence, entry, solve
 
 LAW = Law(young=1.0, poisson=0.0)
@@ -103,8 +100,8 @@ class CellRow:
 
 #: every row by its name
 ROWS = {
-    row.name: row
-    for row in (
+    one.name: one
+    for one in (
         CellRow("TRIA3", "ssnp150c", 6, 1.9976453888, 1.04123265161),
         CellRow("TRIA6", "ssnp150d", 6, 2.81404623178, 1.01178177732),
         CellRow("TRIA7"),
@@ -134,8 +131,6 @@ _COARSEST = {2: 4, 3: 2}
 WANTED = {1: (1.92, 0.95, 1.5), 2: (2.45, 0.95, 1.8)}
 #: levels that fitted rates are of: two cells a side, in space, are no field of pressures yet
 LAST = 3
-#: of the width of the slave: how far from its rim is away from it
-RIM = 0.2
 #: levels of the rows that are solved in `quick`
 _QUICK = {**dict.fromkeys(("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9", "HEXA8-hexa", "HEXA8-pyramid"), 3), "TETRA4": 4}
 #: what rows take in `full`, in seconds
@@ -163,71 +158,78 @@ _LAYER = (
     "So it is on plane skins and at small strains too. In L2 such a layer is h^1.5, whatever the cells; it alternates "
     "and falls to about a third from one macro-element to the next, so that the recovery weighs the last two less"
 )
-_MEANS = f"for information: p_m as what it stands for, a mean; {_LAYER}"
-_AWAY = "for information: without the layer along the rim"
 
 
-def solve_case(row: CellRow, *, levels: int) -> Outcome:
-    """A row on so many meshes, each of twice as many cells a side."""
-    solutions = [solution(row, level) for level in range(levels)]
-    results = (*_rates(row, solutions), _iterations(solutions), *balanced([one.solved for one in solutions]))
-    plots = [_pressures(row, solutions[min(2, levels - 1)])] if row.solution.dim == 2 else []
-    return Outcome(results, (*plots, _newton(row, solutions)), _pictures(row, solutions))
+@problem
+def solve_case(given: CellRow, *, levels: int) -> Rows:
+    """A row on so many meshes, each of twice as many cells a side: rates of u and of pressures."""
+    solutions = [solution(given, level) for level in range(levels)]
+    of, (u, p, recovered) = partial(convergence, solutions), WANTED[given.order]
+    yield rate(
+        "displacement in L2, rate", of("displacement"), u, last=LAST, source=_DISPLACEMENT[given.order],
+        reason=_RIM if given.order == 2 else "", published=_theirs(given, given.displacement_rate),
+    )  # fmt: skip
+    yield rate(
+        "p_m in L2, rate", of("pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
+        reason=_CONSTANT, published=_theirs(given, given.pressure_rate),
+    )  # fmt: skip
+    yield rate(
+        "recovered pressure in L2, rate", of("recovered"), recovered, last=LAST, reason=_LAYER,
+        source="approximation by the slave's own shape functions",
+    )  # fmt: skip
+    name, reason = "p_m against the exact means, rate", f"for information: p_m as what it stands for, a mean; {_LAYER}"
+    yield rate(name, of("means"), None, last=LAST, source="", reason=reason)
+    yield from balanced([one.solved for one in solutions])
+    if given.pictured:
+        one = solutions[min(levels - 1, 2 if given.solution.dim == 2 else 1)]
+        yield one.solved.picture(f"{given.name}, {round(1 / one.h)} cells a side")
 
 
-def solution(row: CellRow, level: int) -> LevelSolution:
+def _theirs(given: CellRow, value: float | None) -> tuple[Published, ...]:
+    """Rate of code_aster, for comparison only: ours is not judged by it."""
+    source = f"{given.test} of its validation suite: the last two of {given.levels} levels"
+    return () if value is None else (Published("code_aster, LAC", value, source),)
+
+
+def solution(given: CellRow, level: int) -> LevelSolution:
     """Solve a row on one level; errors in L2, relative. Raises what `solve` raises.
 
-    `means`: of p_m against the exact means, `recovered`: of the nodal pressure, `away`: of that, away from the rim of
-    the slave.
+    `means`: of p_m against the exact means, `recovered`: of the nodal pressure.
     """
-    given = row.solution
-    solved = solve(case_of(row), mesh_of(row, level))
-    mesh, exact = solved.mesh, exact_pressure(row)
+    solved = solve(case_of(given), mesh_of(given, level))
+    mesh, exact = solved.mesh, exact_pressure(given)
     p = pressure_errors(mesh, solved.zone.pressure, exact)
     errors = {
-        "displacement": displacement_error(mesh, solved.u, compiled(given.displacement)),
+        "displacement": displacement_error(mesh, solved.u, compiled(given.solution.displacement)),
         "pressure": p.exact,
         "means": p.mean,
         "recovered": nodal_pressure_error(mesh, solved.recovered, exact),
-        "away": nodal_pressure_error(mesh, solved.recovered, exact, faces=_away(row, mesh)),
     }
-    return LevelSolution(solved, 1 / cells_a_side(row, level), errors)
+    return LevelSolution(solved, 1 / cells_a_side(given, level), errors)
 
 
-def _away(row: CellRow, mesh: Mesh) -> NDArray[np.integer]:
-    """The faces of the slave whose middle is `RIM` and more away from its rim."""
-    faces = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0)
-    low, high = (np.array(end)[:-1] for end in (row.solution.low, row.solution.high))
-    kept = []
-    for _, chosen, nodes in mesh.select(faces):
-        middle = mesh.points[nodes].mean(axis=1)[:, : len(low)]
-        kept.append(chosen[(np.minimum(middle - low, high - middle) >= RIM * (high - low)).all(axis=1)])
-    return np.sort(np.concatenate(kept))
-
-
-def exact_pressure(row: CellRow) -> SymbolicFunction:
+def exact_pressure(given: CellRow) -> SymbolicFunction:
     """Nominal pressure (n, 1) at points of the undeformed slave."""
-    return compiled([derive(row.solution.displacement, row.solution.law).pressure])
+    return compiled([derive(given.solution.displacement, given.solution.law).pressure])
 
 
-def cells_a_side(row: CellRow, level: int) -> int:
+def cells_a_side(given: CellRow, level: int) -> int:
     """Number of cells, or of pairs of triangles and the like, along each axis of a block."""
-    return _COARSEST[row.solution.dim] << level
+    return _COARSEST[given.solution.dim] << level
 
 
-def mesh_of(row: CellRow, level: int) -> Mesh:
+def mesh_of(of: CellRow, level: int) -> Mesh:
     """The block of a row's cells and its master, not cut."""
-    given = row.solution
+    given = of.solution
     turn = -1 if given.dim == 2 else 1  # the skin's normal, (t_y, -t_x) of a segment along t, faces the block
     plane = turn * np.array(CELLS[given.master].reference) + given.master_centre
     points = np.column_stack([plane, compiled([given.master_height])(plane)])
-    return with_master(block(row.cell, cells_a_side(row, level), given.low, given.high), given.master, points)
+    return with_master(block(of.cell, cells_a_side(of, level), given.low, given.high), given.master, points)
 
 
-def case_of(row: CellRow) -> str:
+def case_of(of: CellRow) -> str:
     """The case of a row, as TOML."""
-    given = row.solution
+    given = of.solution
     axes = "xyz"[: given.dim]
     sources = derive(given.displacement, given.law)
     return case_text(
@@ -235,7 +237,7 @@ def case_of(row: CellRow) -> str:
         entry("material", law="saint_venant_kirchhoff", young=given.law.young, poisson=given.law.poisson),
         entry(
             "contact", slave=given.slave, master="master", measure="reference", geometry="current",
-            search_distance=1.0, hexa=row.hexa,
+            search_distance=1.0, hexa=of.hexa,
         ),
         entry("rigid", group="master"),
         _vector("displacement", "u", given.displacement, f"{axes[-1]}1"),
@@ -256,92 +258,18 @@ def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = N
     return entry(table, group=group, **components)
 
 
-def _rates(row: CellRow, solutions: Sequence[LevelSolution]) -> Iterator[Result]:
-    """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
-    u, p, recovered = WANTED[row.order]
-    yield rate(
-        "displacement in L2, rate", convergence(solutions, "displacement"), u, last=LAST,
-        source=_DISPLACEMENT[row.order], reason=_RIM if row.order == 2 else "",
-        published=_theirs(row, row.displacement_rate),
-    )  # fmt: skip
-    yield rate(
-        "p_m in L2, rate", convergence(solutions, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
-        reason=_CONSTANT, published=_theirs(row, row.pressure_rate),
-    )  # fmt: skip
-    source = "approximation by the slave's own shape functions"
-    yield rate(
-        "recovered pressure in L2, rate", convergence(solutions, "recovered"), recovered, last=LAST, source=source,
-        reason=_LAYER,
-    )  # fmt: skip
-    away = f"recovered pressure in L2, {RIM:g} of the width away from the rim, rate"
-    yield rate(away, convergence(solutions, "away"), None, last=LAST, source="", reason=_AWAY)
-    yield rate(
-        "p_m against the exact means, rate", convergence(solutions, "means"), None, last=LAST, source="", reason=_MEANS
-    )
-
-
-def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
-    """Rate of code_aster, for comparison only: ours is not judged by it."""
-    source = f"{row.test} of its validation suite: the last two of {row.levels} levels"
-    return () if value is None else (Published("code_aster, LAC", value, source),)
-
-
-def _iterations(solutions: Sequence[LevelSolution]) -> Result:
-    finest = solutions[-1].solved
-    reason = "for information: one step, and none that is halved, is what to hope for"
-    return informative(
-        f"Newton iterations on the finest mesh ({finest.halvings} halved steps)", finest.iterations, reason=reason
-    )
-
-
-def _newton(row: CellRow, solutions: Sequence[LevelSolution]) -> Plot:
-    """The residuals of every mesh, iteration by iteration."""
-    lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in solutions)
-    title = f"{row.name}: residual of each Newton iteration"
-    return Plot("Newton", title, "iteration", "relative residual", lines, log_y=True)
-
-
-def _pressures(row: CellRow, one: LevelSolution) -> Plot:
-    """Exact, p_m and recovered pressure along the slave of a plane problem."""
-    x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
-    exact = line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0])
-    lines = pressures(one.solved, exact, _along)
-    return Plot("pressure", f"{row.name}: nominal pressure, h = {one.h:.4g}", "x", "pressure", lines)
-
-
-def _along(x: NDArray[np.floating]) -> NDArray[np.floating]:
-    return x[..., 0]
-
-
-def _pictures(row: CellRow, solutions: Sequence[LevelSolution]) -> tuple[Picture, ...]:
-    one = solutions[min(len(solutions) - 1, 2 if row.solution.dim == 2 else 1)]
-    return (one.solved.picture(f"{row.name}, {round(1 / one.h)} cells a side"),) if row.pictured else ()
-
-
-def _case(row: CellRow) -> Case:
-    theirs = f", code_aster's {row.test}" if row.test else ""
-    return Case(
-        family="manufactured",
-        name=row.name,
-        description=f"A block of {row.cell} comes down on a curved rigid master{theirs}",
-        solve=partial(solve_case, row),
-        levels=_suites(row),
-        seconds=_SECONDS[row.name],
-    )
-
-
-def _suites(row: CellRow) -> dict[str, int]:
-    """Number of levels in each suite."""
-    quick = {"quick": _QUICK[row.name]} if row.name in _QUICK else {}
-    if row.solution.dim == 2:
-        return {**quick, "full": 5, "all": 6}
-    return {**quick, "full": 4, "all": max(4, row.levels)}
+def _case(given: CellRow) -> Case:
+    theirs = f", code_aster's {given.test}" if given.test else ""
+    words = f"A block of {given.cell} comes down on a curved rigid master{theirs}"
+    full, every = (5, 6) if given.solution.dim == 2 else (4, max(4, given.levels))
+    suites = {"quick": _QUICK.get(given.name, 0), "full": full, "every": every}
+    return row("manufactured", given.name, words, solve_case, given, **suites, seconds=_SECONDS[given.name])
 
 
 FAMILY = Family(
     name="manufactured",
     title="Manufactured contact at finite deformation",
     text=__doc__.partition("\n\n")[2],
-    cases=tuple(_case(row) for row in ROWS.values()),
+    cases=tuple(map(_case, ROWS.values())),
     missing=missing,
 )

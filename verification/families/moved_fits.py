@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -20,19 +19,19 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.rings import pair, ring, sleeve
-from verification.records import Case, Family, Outcome, Result, at_most
-from verification.solving import Solved, balanced, case_text, entry, model_of, solve
+from verification.records import Case, Family, Result, at_most, problem, row
+from verification.solving import balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 #: displacement along each axis, a number or a formula
 Formulas = tuple[float | str, float | str, float | str]
 
-FAMILY_NAME = "moved-fits"
 RADII, LONG = (0.5, 1.0, 1.75), 0.6
 INTERFERENCE = 1e-3
 #: way along the axis or around, in interferences
 _FAR = 5.0
 #: how far p_m may be from those of the fit that is not moved, of their mean: on exact shapes, and on fits
 _ALLOWED, _OF_FITS = 0.005, 0.12
+_STILL: Formulas = (0.0, 0.0, 0.0)
 _AROUND: Formulas = (f"{-_FAR * INTERFERENCE} * y", f"{_FAR * INTERFERENCE} * x", 0.0)
 _ALONG: Formulas = (0.0, 0.0, _FAR * INTERFERENCE)
 
@@ -57,16 +56,6 @@ class MovedFit:
         """Dimension of space."""
         return CELLS[self.cell].dim
 
-    @property
-    def allowed(self) -> float:
-        """The largest change of p_m that a motion may make, of their mean."""
-        return _ALLOWED if self.oval == 1 else _OF_FITS
-
-    @property
-    def sine(self) -> float:
-        """Sine of the angle between the axis and the faces where the bodies meet."""
-        return self.slope / float(np.hypot(1.0, self.slope))
-
     def mesh(self) -> Mesh:
         """The two bodies, not cut."""
         parts = []
@@ -78,77 +67,64 @@ class MovedFit:
                 parts.append(sleeve(kind, counts, radii, LONG, slope=self.slope, jitter=0.15, seed=k))
         return bent(pair(parts[0], parts[1], slave=self.slave), lambda x: x * [1.0, self.oval, 1.0])
 
-    def case(self, clearance: float, motion: Formulas = (0.0, 0.0, 0.0)) -> str:
+    def case(self, clearance: float, motion: Formulas = _STILL) -> str:
         """The case, as TOML, with a clearance and the motion of the hub, which its outer face has."""
-        names = [f"u{axis}" for axis in "xyz"[: self.dim]]
+        axes = "xyz"[: self.dim]
         return case_text(
-            model_of(self.dim),
-            entry("material", young=2000.0, poisson=0.3),
-            entry("contact", slave="slave", master="master", normals=self.normals, clearance=clearance),
-            entry("displacement", group="inner", **dict.fromkeys(names, 0.0)),
-            entry("displacement", group="outer", **dict(zip(names, motion, strict=False))),
-        )
+            model_of(self.dim), material(2000.0, 0.3), contact(normals=self.normals, clearance=clearance),
+            fixed("inner", axes),
+            entry("displacement", group="outer", **{f"u{a}": u for a, u in zip(axes, motion, strict=False)}),
+        )  # fmt: skip
 
     def motions(self) -> Mapping[str, tuple[float, Formulas]]:
         """The motions of the hub by name, each with the clearance that it has beside it."""
         if self.slope:
-            pressed: Formulas = (0.0, 0.0, INTERFERENCE / self.sine)
+            sine = self.slope / float(np.hypot(1.0, self.slope))
+            pressed: Formulas = (0.0, 0.0, INTERFERENCE / sine)
             return {"pressed along the axis": (0.0, pressed), "turned": (-INTERFERENCE, _AROUND)}
         along = {"moved along the axis": (-INTERFERENCE, _ALONG)} if self.dim == 3 else {}
-        if self.oval != 1:
-            return along
-        return {**along, "turned": (-INTERFERENCE, _AROUND)}
+        return along if self.oval != 1 else {**along, "turned": (-INTERFERENCE, _AROUND)}
 
 
-def solve_case(given: MovedFit, *, levels: int) -> Outcome:
-    """A fit that is not moved, and by each motion."""
+@problem
+def solve_case(given: MovedFit) -> Iterator[Result]:
+    """A fit that is not moved, and by each motion: macro-elements in contact, pressures, force along a cone's axis."""
     mesh = given.mesh()
-    results: list[Result] = []
     still = solve(given.case(-INTERFERENCE), mesh)
-    every = [still]
-    for name, (clearance, motion) in given.motions().items():
-        every.append(solve(given.case(clearance, motion), mesh))
-        results += _compared(name, still, every[-1], given)
-    return Outcome((*results, *balanced(every)))
-
-
-def _compared(name: str, still: Solved, moved: Solved, given: MovedFit) -> Iterator[Result]:
-    """Criteria of a motion: macro-elements in contact, pressures, and on a cone the force along the axis."""
-    p, q = still.zone.pressure, moved.zone.pressure
+    every, p = [still], still.zone.pressure
     mean = float(np.average(p, weights=still.zone.area))
     source = "a motion of the surface into itself, or the interference that it is worth"
-    yield at_most(f"macro-elements that open or close, {name}", float(((p > 0) != (q > 0)).sum()), 0.0, source=source)
-    worst = float(np.abs(q - p).max()) / mean
-    reason = "normals are interpolated over faces, or those of fits"
-    yield at_most(f"change of p_m, of its mean, {name}", worst, given.allowed, source=source, reason=reason)
-    if given.slope:
-        want, got = (float(one.zone.force[nodes_of(one.mesh, "slave"), 2].sum()) for one in (still, moved))
-        yield at_most(f"change of the axial force, relative, {name}", abs(got / want - 1), 0.01, source=source)
+    for name, (clearance, motion) in given.motions().items():
+        moved = solve(given.case(clearance, motion), mesh)
+        every.append(moved)
+        q = moved.zone.pressure
+        other, worst = float(((p > 0) != (q > 0)).sum()), float(np.abs(q - p).max()) / mean
+        yield at_most(f"macro-elements that open or close, {name}", other, 0.0, source=source)
+        reason = "normals are interpolated over faces, or those of fits"
+        allowed = _ALLOWED if given.oval == 1 else _OF_FITS
+        yield at_most(f"change of p_m, of its mean, {name}", worst, allowed, source=source, reason=reason)
+        if given.slope:
+            want, got = (float(one.zone.force[nodes_of(one.mesh, "slave"), 2].sum()) for one in (still, moved))
+            yield at_most(f"change of the axial force, relative, {name}", abs(got / want - 1), 0.01, source=source)
+    yield from balanced(every)
 
 
 def _cases() -> Iterator[Case]:
     for cell in ("TRIA3", "QUAD4"):
-        yield _case(f"rings-{cell}", f"Rings of {cell}, turned", MovedFit(cell), {"quick": 1})
+        yield _row(f"rings-{cell}", f"Rings of {cell}, turned", MovedFit(cell), quick=True)
     for cell in ("TETRA4", "HEXA8", "PENTA6"):
-        quick = {"quick": 1} if cell == "TETRA4" else {"full": 1}
-        yield _case(f"cylinders-{cell}", f"Cylinders of {cell}, moved along and around", MovedFit(cell), quick)
-        yield _case(f"cones-{cell}", f"Cones of {cell}, pressed and turned", MovedFit(cell, slope=0.3), quick)
-    yield _case(
-        "ellipses-TETRA4", "Elliptic sleeves of TETRA4, moved along", MovedFit("TETRA4", oval=0.7), {"quick": 1}
-    )
+        quick = cell == "TETRA4"
+        yield _row(f"cylinders-{cell}", f"Cylinders of {cell}, moved along and around", MovedFit(cell), quick)
+        yield _row(f"cones-{cell}", f"Cones of {cell}, pressed and turned", MovedFit(cell, slope=0.3), quick)
+    yield _row("ellipses-TETRA4", "Elliptic sleeves of TETRA4, moved along", MovedFit("TETRA4", oval=0.7), quick=True)
     for slave, normals in (("around", "facet"), ("within", "smoothed")):
         given = MovedFit("TETRA4", normals=normals, slave=slave)
         words = f"Cylinders of TETRA4, the slave {slave}, {normals} normals"
-        yield _case(f"cylinders-TETRA4-{slave}-{normals}", words, given, {"full": 1})
+        yield _row(f"cylinders-TETRA4-{slave}-{normals}", words, given, quick=False)
 
 
-def _case(name: str, description: str, given: MovedFit, levels: Mapping[str, int]) -> Case:
-    return Case(FAMILY_NAME, name, description, partial(solve_case, given), levels, 3.0)
+def _row(name: str, what: str, given: MovedFit, quick: bool) -> Case:
+    return row("moved-fits", name, what, solve_case, given, quick=int(quick), full=int(not quick), seconds=3.0)
 
 
-FAMILY = Family(
-    name=FAMILY_NAME,
-    title="Fits that are moved by motions that change nothing",
-    text=__doc__,
-    cases=tuple(_cases()),
-)
+FAMILY = Family("moved-fits", "Fits that are moved by motions that change nothing", __doc__, tuple(_cases()))

@@ -1,15 +1,22 @@
 """The patch test of contact: a uniform pressure goes through an interface whose faces do not match.
 
-Taylor, Papadopoulos, On a patch test for contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear
-Computational Mechanics, Springer, 1991. Exact: the stress is uniform, uniaxial (in plane strain with the stress that
-holds the plane), the displacement linear by Hooke's law, every p_m the pressure.
+Two unit blocks on one another under a uniform pressure: the stress is uniform, uniaxial (in plane strain with the
+stress that holds the plane), the displacement linear by Hooke's law, every p_m the pressure. A method passes only if it
+integrates the contact terms over the true intersections of the two skins (Taylor, Papadopoulos, On a patch test for
+contact problems in two dimensions, in: Wriggers, Wagner (eds.), Nonlinear Computational Mechanics, Springer, 1991).
+
+Every type of cell is the slave and the master of every other, below and above, along the axes and in a tilted frame;
+the grids are uneven, and in some cases the faces are distorted quadrangles. Errors are the largest anywhere: of the
+stress at integration points, of the pressure of each macro-element, of the displacement of each node, relative to the
+largest value of each. What others obtained stands beside where they ran the same problem.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,20 +25,23 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
-from verification.pages.charts import Line, Plot
-from verification.records import Case, Family, Outcome, Published, Result, at_most
-from verification.solving import Solved, balanced, case_text, entry, solve
+from verification.records import Case, Family, Published, Result, Rows, at_most, problem, row
+from verification.solving import Solved, balanced, case_text, entry, material, solve
+
+Floats = NDArray[np.floating]
+Pairs = tuple[tuple[str, str], ...]
 
 #: of every error, relative
 EXACT = 1e-10
 YOUNG, POISSON, PRESSURE = 1e3, 0.3, 1.0
+#: measured quantities, whose errors are relative
+STRESS, PRESSURES, DISPLACEMENT = "stress at integration points", "contact pressure p_m", "displacement"
 
 _SOURCE = "uniform stress, linear displacement; Taylor, Papadopoulos, 1991"
 #: components of a stress, as pairs of axes
 _AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 #: sides that slide, by model: symmetry planes, or the axis; a ring has none
 _SLIDING = {"3d": ("x0", "y0"), "ring": ()}
-_PEERS = "measured on the same meshes, frictionless, small strain"
 
 
 @dataclass(frozen=True)
@@ -42,10 +52,10 @@ class Press:
     `contact`: keys of [[contact]], or of `joint`; `tilted`: in a frame that is turned; others: as `stack` takes them.
     """
 
-    pairs: tuple[tuple[str, str], ...]
+    pairs: Pairs
     model: str = "3d"
     tilted: bool = False
-    contact: tuple[tuple[str, str], ...] = ()
+    contact: Pairs = ()
     counts: tuple[int, int] = (3, 2)
     bend: float = 0.3
     skew: float = 0.0
@@ -57,13 +67,9 @@ class Press:
         return 3 if self.model == "3d" else 2
 
     @property
-    def turn(self) -> NDArray[np.floating]:
+    def turn(self) -> Floats:
         """Rotation (3, 3) of the frame."""
         return tilt(self.dim) if self.tilted else np.eye(3)
-
-
-#: measured quantities, whose errors are relative
-STRESS, PRESSURES, DISPLACEMENT = "stress at integration points", "contact pressure p_m", "displacement"
 
 
 class StackErrors(NamedTuple):
@@ -87,7 +93,7 @@ def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErr
     return StackErrors(f"{slave} {'under' if slave_below else 'on'} {master}", largest, solved)
 
 
-def mesh_of(given: Press, slave: str, master: str, slave_below: bool) -> Mesh:
+def mesh_of(given: Press, slave: str, master: str, slave_below: bool = True) -> Mesh:
     """A stack of blocks, not cut."""
     mesh = stack(
         slave, master, given.dim, slave_below=slave_below, counts=given.counts, bend=given.bend, skew=given.skew
@@ -102,14 +108,14 @@ def text(given: Press) -> str:
     return case_text(
         "axisymmetric" if given.model == "ring" else given.model,
         entry("solver", threads=1),
-        entry("material", young=YOUNG, poisson=POISSON),
+        material(YOUNG, POISSON),
         entry(given.joint, slave="slave", master="master", **dict(given.contact)),
         *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in supports),
         entry("pressure", group="top", value=PRESSURE),
     )
 
 
-def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np.floating]:
+def exact_displacement(given: Press, points: Floats) -> Floats:
     """Exact displacement (n, dim) at points (n, 3): linear from the corner, or axis, that does not move."""
     e = PRESSURE / YOUNG
     across, down = POISSON * e, -e
@@ -119,7 +125,7 @@ def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np
     return np.asarray((points @ given.turn * strains) @ given.turn.T[:, : given.dim])
 
 
-def exact_stress(given: Press) -> NDArray[np.floating]:
+def exact_stress(given: Press) -> Floats:
     """Exact stress (6,): xx, yy, zz, xy, yz, xz."""
     sigma = np.zeros((3, 3))
     sigma[given.dim - 1, given.dim - 1] = -PRESSURE
@@ -129,12 +135,13 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
     return np.array([sigma[a, b] for a, b in _AXES])
 
 
-def run(given: Press, *, levels: int) -> Outcome:
+@problem
+def run(given: Press) -> Rows:
     """Solve every pair, with the slave below and above."""
     stacks = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
     published = _published(given)
-    results = [worst(quantity, stacks, published.get(quantity, ())) for quantity in stacks[0].errors]
-    return Outcome((*results, *balanced([one.solved for one in stacks])), (_matrix(stacks),))
+    yield from (worst(quantity, stacks, published.get(quantity, ())) for quantity in stacks[0].errors)
+    yield from balanced([one.solved for one in stacks])
 
 
 def worst(quantity: str, stacks: Sequence[StackErrors], published: tuple[Published, ...] = ()) -> Result:
@@ -145,51 +152,29 @@ def worst(quantity: str, stacks: Sequence[StackErrors], published: tuple[Publish
     return at_most(quantity, errors[k], EXACT, source=_SOURCE, reason=reason, published=published)
 
 
-def _matrix(stacks: Sequence[StackErrors]) -> Plot:
-    """The errors, stack by stack."""
-    place = tuple(float(k) for k in range(1, len(stacks) + 1))
-    lines = tuple(
-        Line(quantity, place, tuple(max(one.errors[quantity], 1e-17) for one in stacks), "points")
-        for quantity in stacks[0].errors
-    )
-    title = f"patch test: {stacks[0].label} to {stacks[-1].label}"
-    label = "stack: the pairs of the case in their order, slave below then above"
-    return Plot("patch", title, label, "relative error", lines, log_y=True)
-
-
 def _published(given: Press) -> dict[str, tuple[Published, ...]]:
     """Errors of other codes on hexahedra, by quantity; they used the same meshes, without a bend."""
     if given.bend or given.model != "3d" or given.pairs[0] != ("HEXA8", "HEXA8"):
         return {}
-    hexa = dict(given.contact)["hexa"]
-    source = "code_aster 2020, measured on the same meshes"
-    aster = Published(f"code_aster LAC, {hexa}", _ASTER[hexa, given.skew], source)
-    stress = tuple(Published(who, value, _PEERS) for who, value in _STRESS.get(given.skew, {}).items())
-    return {STRESS: stress, PRESSURES: (aster,)}
+    hexa, peers = dict(given.contact)["hexa"], "measured on the same meshes, frictionless, small strain"
+    aster = _ASTER[hexa, given.skew]
+    return {
+        STRESS: tuple(Published(who, both[given.skew], peers) for who, both in _STRESS.items() if given.skew in both),
+        PRESSURES: (Published(f"code_aster LAC, {hexa}", aster, "code_aster 2020, measured on the same meshes"),),
+    }
 
 
-#: skew -> largest error of the axial stress at integration points; 3x3x2 under 2x2x2, and 5x5x2 under 4x4x2
-_STRESS: dict[float, dict[str, float]] = {
-    0.0: {
-        "Kratos 10.4, dual mortar": 2.4e-13,
-        "CalculiX 2.20, surface to surface": 1.5e-10,
-        "CalculiX 2.20, mortar (printed digits)": 1e-7,
-        "NGSolve, contact energy": 1.5e-4,
-        "GetFEM 5.4, integral": 2.7e-2,
-        "Kratos 10.4, penalty mortar": 8.1e-3,
-        "CalculiX 2.20, node to surface": 0.41,
-        "GetFEM 5.4, node to surface": 0.57,
-    },
-    0.05: {
-        "Kratos 10.4, dual mortar": 3.8e-5,
-        "CalculiX 2.20, surface to surface": 3.4e-6,
-        "CalculiX 2.20, mortar": 3.4e-6,
-        "NGSolve, contact energy": 6.8e-5,
-        "GetFEM 5.4, integral": 2.7e-2,
-        "Kratos 10.4, penalty mortar": 2.1e-2,
-        "CalculiX 2.20, node to surface": 0.17,
-        "GetFEM 5.4, node to surface": 0.20,
-    },
+#: code -> skew -> largest error of the axial stress at integration points; 3x3x2 under 2x2x2, and 5x5x2 under 4x4x2
+_STRESS: dict[str, dict[float, float]] = {
+    "Kratos 10.4, dual mortar": {0.0: 2.4e-13, 0.05: 3.8e-5},
+    "CalculiX 2.20, surface to surface": {0.0: 1.5e-10, 0.05: 3.4e-6},
+    "CalculiX 2.20, mortar (printed digits)": {0.0: 1e-7},
+    "CalculiX 2.20, mortar": {0.05: 3.4e-6},
+    "NGSolve, contact energy": {0.0: 1.5e-4, 0.05: 6.8e-5},
+    "GetFEM 5.4, integral": {0.0: 2.7e-2, 0.05: 2.7e-2},
+    "Kratos 10.4, penalty mortar": {0.0: 8.1e-3, 0.05: 2.1e-2},
+    "CalculiX 2.20, node to surface": {0.0: 0.41, 0.05: 0.17},
+    "GetFEM 5.4, node to surface": {0.0: 0.57, 0.05: 0.20},
 }
 #: (cut, skew) -> largest error of the contact pressure
 _ASTER = {
@@ -198,98 +183,67 @@ _ASTER = {
 }  # fmt: skip
 
 #: pairs that stand for all, where something else than the cells varies
-_FEW: dict[int, tuple[tuple[str, str], ...]] = {
+_FEW: dict[int, Pairs] = {
     2: (("TRIA3", "QUAD8"), ("QUAD4", "TRIA7"), ("QUAD9", "mixed 1"), ("TRIA6", "TRIA3"), ("mixed 2", "QUAD9")),
     3: (("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA15 quadrangle", "HEXA27"), ("mixed 2", "mixed 1")),
 }
 #: keys of [[contact]] that must not change anything between plane faces
-_KEYS: dict[str, tuple[tuple[str, str], ...]] = {
+_KEYS: dict[str, Pairs] = {
     "smoothed": (("normals", "smoothed"),),
     "bilateral": (("type", "bilateral"),),
     "open-at-first": (("initial", "none"),),
     "current": (("geometry", "current"),),
     "current-smoothed": (("geometry", "current"), ("normals", "smoothed")),
 }
-#: slaves in the quick suite, in 3D; those that are tilted there
-_QUICK, _QUICK_TILTED = (("TETRA10", ()), ("HEXA8", (("hexa", "hexa"),))), (("mixed 2", ()),)
+#: slaves in the quick suite, in 3D, along the axes and tilted
+_QUICK = {("TETRA10", "", False), ("HEXA8", "hexa", False), ("mixed 2", "", True)}
 #: slaves whose faces are quadrangles: words of the case's name, kinds, keys of [[contact]]
-_QUADRANGLES: tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...]], ...] = (
-    (("HEXA20", "pyramid"), ("HEXA20",), (("hexa", "pyramid"),)),
-    (("HEXA20", "hexa"), ("HEXA20",), (("hexa", "hexa"),)),
-    (("others",), ("HEXA27", *(f"{name} quadrangle" for name in ("PENTA6", "PENTA15", "PYRAM5", "PYRAM14"))), ()),
+_QUADRANGLES: tuple[tuple[str, tuple[str, ...], Pairs], ...] = (
+    ("HEXA20-pyramid", ("HEXA20",), (("hexa", "pyramid"),)),
+    ("HEXA20-hexa", ("HEXA20",), (("hexa", "hexa"),)),
+    ("others", ("HEXA27", *(f"{name} quadrangle" for name in ("PENTA6", "PENTA15", "PYRAM5", "PYRAM14"))), ()),
 )
 
 
-def _ways(kind: str) -> tuple[tuple[tuple[str, str], ...], ...]:
-    """Keys for the ways in which the slave faces of a kind are cut."""
-    return tuple((("hexa", way),) for way in ("pyramid", "hexa")) if kind in TWO_WAYS else ((),)
+def _every(slaves: Iterable[str], masters: Iterable[str]) -> Pairs:
+    return tuple((slave, master) for slave in slaves for master in masters)
 
 
-def _case(words: Sequence[str], description: str, given: Press, quick: bool, seconds: float) -> Case:
-    name = "-".join(word.replace(" ", "-") for word in words)
-    return Case("patch", name, description, partial(run, given), {"quick" if quick else "full": 1}, seconds)
+def _cases() -> Iterator[Case]:
+    def case(name: str, description: str, given: Press, seconds: float, quick: bool = False) -> Case:
+        name = name.replace(" ", "-")
+        return row("patch", name, description, run, given, quick=int(quick), full=1, seconds=seconds)
 
-
-def _plane() -> Iterator[Case]:
+    plane = partial(Press, model="plane_strain")
     for slave in PLANE_KINDS:
-        given = Press(tuple((slave, master) for master in PLANE_KINDS), "plane_strain")
-        yield _case(["2d", slave], f"plane strain, slave {slave} against every kind", given, True, 3.0)
-    given = Press(tuple((slave, master) for slave in PLANE_KINDS for master in PLANE_KINDS), "plane_strain", True)
-    yield _case(["2d", "tilted"], "plane strain, every kind against every kind, tilted", given, False, 10.0)
-
-
-def _solid() -> Iterator[Case]:
-    for tilted in (False, True):
-        for slave in SOLID_KINDS:
-            for way in _ways(slave):
-                given = Press(tuple((slave, master) for master in SOLID_KINDS), "3d", tilted, way)
-                words = ["3d", *(["tilted"] if tilted else []), slave, *dict(way).values()]
-                quick = (slave, way) in (_QUICK_TILTED if tilted else _QUICK)
-                yield _case(words, f"slave {slave} against every kind", given, quick, 7.0)
-
-
-def _distorted() -> Iterator[Case]:
-    for skew in (0.0, 0.05, 0.2):
-        counts = (5, 4) if skew else (3, 2)
-        for (way,) in _ways("HEXA8"):
-            given = Press((("HEXA8", "HEXA8"),), "3d", contact=(way,), counts=counts, bend=0.0, skew=skew)
-            description = f"hexahedra on hexahedra, cut {way[1]}, skew {skew}: the peers' problem"
-            yield _case(["peers", way[1], f"skew-{skew}"], description, given, skew == 0.2, 4.0)
+        given = plane(_every([slave], PLANE_KINDS))
+        yield case(f"2d-{slave}", f"plane strain, slave {slave} against every kind", given, 3.0, True)
+    given = plane(_every(PLANE_KINDS, PLANE_KINDS), tilted=True)
+    yield case("2d-tilted", "plane strain, every kind against every kind, tilted", given, 10.0)
+    for tilted, slave in product((False, True), SOLID_KINDS):
+        for way in ("pyramid", "hexa") if slave in TWO_WAYS else ("",):
+            given = Press(_every([slave], SOLID_KINDS), tilted=tilted, contact=(("hexa", way),) if way else ())
+            name = "-".join(["3d", *["tilted"] * tilted, slave, *[way] * bool(way)])
+            yield case(name, f"slave {slave} against every kind", given, 7.0, (slave, way, tilted) in _QUICK)
+    for skew, counts in ((0.0, (3, 2)), (0.05, (5, 4)), (0.2, (5, 4))):
+        for way in ("pyramid", "hexa"):
+            given = Press((("HEXA8", "HEXA8"),), contact=(("hexa", way),), counts=counts, bend=0.0, skew=skew)
+            description = f"hexahedra on hexahedra, cut {way}, skew {skew}: the peers' problem"
+            yield case(f"peers-{way}-skew-{skew}", description, given, 4.0, skew == 0.2)
         for words, slaves, keys in _QUADRANGLES if skew else ():
-            pairs = tuple((slave, master) for slave in slaves for master in ("HEXA8", "HEXA20"))
-            given = Press(pairs, "3d", True, keys, counts, skew=skew)
+            given = Press(_every(slaves, ("HEXA8", "HEXA20")), "3d", True, keys, counts, skew=skew)
             description = f"distorted quadrangles, slaves {', '.join(slaves)}, skew {skew}"
-            yield _case(["distorted", *words, f"skew-{skew}"], description, given, False, 5.0)
-
-
-def _stars() -> Iterator[Case]:
-    """Macro-elements of whole faces, in contact and tied; faces of QUAD8, and those that no star reaches, are cut."""
-    for model, kinds in (("plane_strain", PLANE_KINDS), ("3d", SOLID_KINDS)):
-        pairs = tuple((slave, master) for slave in kinds for master in kinds)
-        for joint in ("contact", "tie"):
-            given = Press(pairs, model, contact=(("macro", "stars"),), joint=joint)
-            yield _case(["stars", joint, f"{given.dim}d"], f"stars, {joint}: every pair of kinds", given, False, 120.0)
-
-
-def _others() -> Iterator[Case]:
+            yield case(f"distorted-{words}-skew-{skew}", description, given, 5.0)
     for model in ("plane_stress", "axisymmetric", "ring"):
-        quick = model != "ring"
-        yield _case([model], f"a few pairs, {model.replace('_', ' ')}", Press(_FEW[2], model), quick, 3.0)
-    for name, keys in _KEYS.items():
-        for dim, model in ((2, "plane_strain"), (3, "3d")):
-            description = f"a few pairs in {dim}D, {', '.join(f'{key} = {value}' for key, value in keys)}"
-            yield _case([name, f"{dim}d"], description, Press(_FEW[dim], model, dim == 3, keys), False, 4.0)
+        description = f"a few pairs, {model.replace('_', ' ')}"
+        yield case(model, description, Press(_FEW[2], model), 3.0, model != "ring")
+    for (name, keys), (dim, model) in product(_KEYS.items(), ((2, "plane_strain"), (3, "3d"))):
+        description = f"a few pairs in {dim}D, {', '.join(f'{key} = {value}' for key, value in keys)}"
+        yield case(f"{name}-{dim}d", description, Press(_FEW[dim], model, dim == 3, keys), 4.0)
+    # macro-elements of whole faces; faces of QUAD8, and those that no star reaches, are cut
+    for (model, kinds), joint in product((("plane_strain", PLANE_KINDS), ("3d", SOLID_KINDS)), ("contact", "tie")):
+        given = Press(_every(kinds, kinds), model, contact=(("macro", "stars"),), joint=joint)
+        yield case(f"stars-{joint}-{given.dim}d", f"stars, {joint}: every pair of kinds", given, 120.0)
 
 
-FAMILY = Family(
-    "patch",
-    "Patch test",
-    "Two unit blocks on one another, whose faces do not match, under a uniform pressure: stress and displacement are "
-    "known to the last digit, and a method passes only if it integrates the contact terms over the true intersections "
-    "of the two skins. Every type of cell is the slave and the master of every other, below and above, along the axes "
-    "and in a tilted frame; the grids are uneven, and in some cases the faces are distorted quadrangles.\n\n"
-    "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
-    "the displacement of each node, relative to the largest value of each. What others obtained "
-    "stands beside where they ran the same problem.",
-    (*_plane(), *_solid(), *_distorted(), *_others(), *_stars()),
-)
+FAMILY = Family("patch", "Patch test", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from lacsolver import NotConvergedError
 from verification.meshes.punches import ABOVE, Punch, punched, random_punch
-from verification.records import Case, Family, Outcome, at_most, informative
-from verification.solving import Solved, balanced, case_text, entry, model_of, solve
+from verification.records import Family, Result, at_most, problem, row
+from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve
 
 #: displacements that differ by more of the largest are those of another equilibrium
 OTHER = 1e-4
@@ -21,52 +20,29 @@ _TWO = (
 _ONE = "statics without friction and with an elastic law: steps do not matter"
 
 
-def solve_case(dim: int, slave: str, first: int = 0, two: int = 0, same: float = 1e-8, *, levels: int) -> Outcome:
-    """Press in so many punches of a dimension: number `first`, `first` + 1, ...
+@problem
+def solve_case(dim: int, slave: str, first: int = 0, two: int = 0, *, levels: int) -> Iterator[Result]:
+    """Press in so many punches of a dimension: number `first`, `first` + 1, ...; each in one step, and in 2 to 20.
 
-    `slave`: `top` of the block or the `face` of the punch. `two`: number of them that are known for two equilibria.
+    `slave`: `top` of the block or the `face` of the punch. `two`: number of punches known for two equilibria.
     """
     solutions: list[Solved] = []
     lost, apart = 0, [0.0]
     for number in range(first, first + levels):
-        own = list(pressed(dim, slave, number))
-        lost += len(steps_of(number)) - len(own)
-        apart += [difference(own[0], each) for each in own[1:]]
+        punch, own = random_punch(dim, number), list[Solved]()
+        for steps in (1, 2 + number % 19):
+            try:
+                own.append(solve(text(slave, punch, steps), punched(punch)))
+            except NotConvergedError:
+                lost += 1
+        apart += [float(np.abs(own[0].u - each.u).max() / np.abs(own[0].u).max()) for each in own[1:]]
         solutions += own
     off = max(d for d in apart if d <= OTHER)
-    each = [state.iterations for own in solutions for state in own.states]
-    return Outcome(
-        (
-            at_most("runs that end without an equilibrium", lost, 0, source=_ONE),
-            at_most("largest difference of displacements between numbers of steps, over the largest", off, same,
-                    source=_ONE, reason="Newton's method ends at 1e-10 of forces and gaps"),
-            at_most("punches with two equilibria", sum(d > OTHER for d in apart), two, source=_ONE, reason=_TWO),
-            informative("iterations of a step, mean", float(np.mean(each)), reason="beside the largest"),
-            informative("iterations of a step, largest", max(each), reason="a punch that is pressed in in one step"),
-            informative("halved steps", sum(own.halvings for own in solutions), reason=f"of {len(each)}"),
-            *balanced(solutions),
-        )
-    )  # fmt: skip
-
-
-def steps_of(number: int) -> tuple[int, ...]:
-    """The numbers of steps that a punch is pressed in by: one, and two to twenty in turn."""
-    return 1, 2 + number % 19
-
-
-def pressed(dim: int, slave: str, number: int) -> Iterator[Solved]:
-    """A punch that is pressed in by each number of steps, of those that find an equilibrium."""
-    punch = random_punch(dim, number)
-    for steps in steps_of(number):
-        try:
-            yield solve(text(slave, punch, steps), punched(punch))
-        except NotConvergedError:
-            continue
-
-
-def difference(one: Solved, other: Solved) -> float:
-    """Largest difference of two last displacements, over the largest displacement."""
-    return float(np.abs(one.u - other.u).max() / np.abs(one.u).max())
+    yield at_most("runs that end without an equilibrium", lost, 0, source=_ONE)
+    yield at_most("largest difference of displacements between numbers of steps, over the largest", off, 1e-8,
+                  source=_ONE, reason="Newton's method ends at 1e-10 of forces and gaps")  # fmt: skip
+    yield at_most("punches with two equilibria", sum(d > OTHER for d in apart), two, source=_ONE, reason=_TWO)
+    yield from balanced(solutions)
 
 
 def text(slave: str, punch: Punch, steps: int) -> str:
@@ -75,29 +51,10 @@ def text(slave: str, punch: Punch, steps: int) -> str:
     master = {"top": "face", "face": "top"}[slave]
     motion = {f"u{axis}": 0.0 for axis in axes[:-1]} | {f"u{axes[-1]}": -punch.depth - ABOVE}
     return case_text(
-        model_of(punch.dim),
-        entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson),
-        entry("contact", slave=slave, master=master),
-        entry("displacement", group="bottom", **{f"u{axis}": 0.0 for axis in axes}),
-        entry("rigid", group="punch", **motion),
-        entry("steps", count=steps),
+        model_of(punch.dim), material(1000.0, punch.poisson, law="neo_hookean"), contact(slave, master),
+        fixed("bottom", axes), entry("rigid", group="punch", **motion), entry("steps", count=steps),
         kinematics="finite",
-    )
-
-
-def _cases() -> Iterator[Case]:
-    for name, dim, slave, first, two, levels, seconds in (
-        ("plane_block_1", 2, "top", 0, 0, {"quick": 3, "full": 40}, 60.0),
-        ("plane_block_2", 2, "top", 40, 0, {"full": 40}, 60.0),
-        ("plane_block_3", 2, "top", 80, 1, {"full": 40}, 60.0),
-        ("plane_punch", 2, "face", 120, 1, {"full": 30}, 40.0),
-        ("space_block", 3, "top", 0, 0, {"full": 40}, 90.0),
-        ("space_punch", 3, "face", 40, 0, {"full": 10}, 40.0),
-    ):
-        where = "in the plane" if dim == 2 else "in space"
-        what = "the block" if slave == "top" else "the punch"
-        description = f"punches on a block {where}, {what} as slave"
-        yield Case("punches", name, description, partial(solve_case, dim, slave, first, two), levels, seconds)
+    )  # fmt: skip
 
 
 TEXT = """
@@ -114,5 +71,19 @@ FAMILY = Family(
     "punches",
     "Punches with sharp corners",
     TEXT,
-    tuple(_cases()),
-)
+    tuple(
+        row(
+            "punches", name, f"punches on a block {'in the plane' if dim == 2 else 'in space'}, "
+            f"{'the block' if slave == 'top' else 'the punch'} as slave",
+            solve_case, dim, slave, first, two, quick=quick, full=full, seconds=seconds,
+        )
+        for name, dim, slave, first, two, quick, full, seconds in (
+            ("plane_block_1", 2, "top", 0, 0, 3, 40, 60.0),
+            ("plane_block_2", 2, "top", 40, 0, 0, 40, 60.0),
+            ("plane_block_3", 2, "top", 80, 1, 0, 40, 60.0),
+            ("plane_punch", 2, "face", 120, 1, 0, 30, 40.0),
+            ("space_block", 3, "top", 0, 0, 0, 40, 90.0),
+            ("space_punch", 3, "face", 40, 0, 0, 10, 40.0),
+        )
+    ),
+)  # fmt: skip

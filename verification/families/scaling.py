@@ -1,20 +1,20 @@
-"""Growth of computing time with size: cut, search, assembly, and the solve.
+"""Growth of computing time with size: cut, search, assembly.
 
-Expected: each stage but the solve visits every cell or face a bounded number of times (trees of boxes add a logarithm),
-so its time goes with the size to the power 1. Seconds are those of the process, the least of some repetitions, after
-a small problem that compiles and loads all that is used. They hold what the kernel spends on clearing new pages, which
-arrays below some size do without, since their memory is used again: a step, which is seen in the difference to the
-seconds of the program alone.
+The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells thick, so
+that skins grow as bodies do. Each stage visits every cell or face a bounded number of times (trees of boxes add a
+logarithm), so its time goes with the size to the power 1; the exponent is the slope of the logarithms by least squares.
+
+Seconds are those of the process, the least of some repetitions, after a small problem that compiles and loads all that
+is used, with nothing of the harness beside. What the kernel spends on clearing new pages is in them, which arrays below
+some size do without, since their memory is used again: a step.
 """
 
 from __future__ import annotations
 
 import gc
-import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +24,12 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
-from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
-from verification.pages.charts import Line, Plot
-from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
-from verification.solving import case_text, entry
+from verification.records import Case, Family, Result, Rows, at_most, levels_of, problem, row
+from verification.solving import case_text, contact, entry, fixed, material
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
 LINEAR = 1.05
@@ -39,8 +37,6 @@ LINEAR = 1.05
 ROUNDS = 4
 #: seconds that a stage is repeated for in a round
 LONG_ENOUGH = 0.15
-#: cells along the slave's side where the problem is solved
-_SOLVED = (17, 24, 34)
 _SOURCE = "every cell and face is visited a bounded number of times"
 
 
@@ -93,10 +89,6 @@ class BenchmarkStages:
         space = Space.of(self.problem.space.mesh, "3d")
         assemble_stiffness(space, self.problem.materials, 1)
 
-    def solve(self) -> None:
-        """Solve, from the stiffness to the state."""
-        list(march(self.problem))
-
 
 #: name of a stage -> the method of `BenchmarkStages` that runs it, the property it is compared with, that in words
 _STAGES: dict[str, tuple[str, str, str]] = {
@@ -107,55 +99,37 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 }
 
 
-def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int) -> Outcome:
-    """Time all stages on plates of some sizes; only the smaller ones are solved.
+@problem
+def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int) -> Rows:
+    """Time all stages on plates of some sizes.
 
     `sides`: cells along the slave's side, level by level. The coarsest matrix is larger than a processor's cache: what
     fits takes less time a cell, which is not growth.
     """
     small = BenchmarkStages.of(kind, 6, hexa)
-    _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
+    _ = timed([small])  # compiled and loaded, all that is used
     problems = [BenchmarkStages.of(kind, n, hexa) for n in sides[:levels]]
-    whole, program = timed(problems)
-    answers = [BenchmarkStages.of(kind, n, hexa) for n in _SOLVED]
-    spent = [seconds_of(one.solve, 0.0)[0] for one in answers]
-    results = [
-        result
-        for stage, row, own in zip(_STAGES, whole, program, strict=True)
-        for result in (_judged(stage, problems, row), _alone(stage, problems, own))
-    ]
-    return Outcome((*results, _solve(answers, spent)), (_plot(kind, problems, whole, answers, spent),))
+    for stage, seconds in zip(_STAGES, timed(problems), strict=True):
+        yield _judged(stage, problems, seconds)
 
 
 def timed(problems: Sequence[BenchmarkStages]) -> NDArray[np.floating]:
-    """(2, stages, problems): seconds of the process, and of the program alone, the least of all rounds."""
+    """(stages, problems): seconds of the process, the least of all rounds."""
     rounds = [
         [[seconds_of(getattr(one, name)) for one in problems] for name, _, _ in _STAGES.values()] for _ in range(ROUNDS)
     ]
-    return np.asarray(np.moveaxis(np.min(rounds, axis=0), -1, 0))
+    return np.asarray(np.min(rounds, axis=0))
 
 
-def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> tuple[float, float]:
-    """Seconds of the process that a piece of work takes, the least of some repetitions; of it, the program's share."""
+def seconds_of(work: Callable[[], None], long_enough: float = LONG_ENOUGH) -> float:
+    """Seconds of the process that a piece of work takes, the least of some repetitions."""
     seconds: list[float] = []
     gc.collect()
-    first, kernel = _clock()
     while sum(seconds) <= long_enough:
-        start = sum(_clock())
+        start = process_time()
         work()
-        seconds.append(sum(_clock()) - start)
-    last, later = _clock()
-    return min(seconds), min(seconds) * (last - first) / (last - first + later - kernel)
-
-
-def _clock() -> tuple[float, float]:
-    """Seconds that the process has spent, in its program and in the kernel."""
-    if sys.platform == "win32":
-        return os.times()[:2]
-    import resource
-
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime, usage.ru_stime
+        seconds.append(process_time() - start)
+    return min(seconds)
 
 
 def text() -> str:
@@ -163,71 +137,33 @@ def text() -> str:
     return case_text(
         "3d",
         entry("solver", threads=1),
-        entry("material", young=1e3, poisson=0.3),
-        entry("contact", slave="slave", master="master", clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
-        entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0),
+        material(1e3, 0.3),
+        contact(clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
+        fixed("bottom", "xyz"),
         entry("displacement", group="top", ux=0.0, uy=0.0, uz=-0.002),
     )
 
 
 def _judged(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    sizes, words = _sizes(stage, problems)
+    _, size, words = _STAGES[stage]
+    sizes = [getattr(one, size) for one in problems]
     reason = (
         f"the slope of the logarithms of seconds and {words} (h of the levels; the error is seconds); the kernel's "
-        "seconds for new memory, which only large arrays take, are in it: see the program alone"
+        "seconds for new memory, which only large arrays take, are in it"
     )
     levels = levels_of(sizes, [one.unknowns for one in problems], seconds)
-    slope = fitted(sizes, seconds)
-    return at_most(f"exponent of {stage}", slope, LINEAR, source=_SOURCE, reason=reason, levels=levels)
-
-
-def _alone(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    sizes, words = _sizes(stage, problems)
-    reason = f"seconds of the program against {words}, without the kernel's for new memory: says what a miss is due to"
-    return informative(f"exponent of {stage}, program alone", fitted(sizes, seconds), reason=reason)
-
-
-def _sizes(stage: str, problems: Sequence[BenchmarkStages]) -> tuple[list[int], str]:
-    _, size, words = _STAGES[stage]
-    return [getattr(one, size) for one in problems], words
-
-
-def _solve(answers: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:
-    unknowns = [one.unknowns for one in answers]
-    reason = "of seconds against unknowns (h of the levels); the work of a direct solver grows faster than they do"
-    levels = levels_of(unknowns, unknowns, seconds)
-    return informative("exponent of the solve", fitted(unknowns, seconds), reason=reason, levels=levels)
-
-
-def _plot(
-    kind: str, problems: Sequence[BenchmarkStages], seconds: NDArray[np.floating],
-    answers: Sequence[BenchmarkStages], spent: Sequence[float],
-) -> Plot:  # fmt: skip
-    cells = tuple(float(one.cells) for one in problems)
-    lines = [Line(stage, cells, tuple(row.tolist())) for stage, row in zip(_STAGES, seconds, strict=True)]
-    lines.append(Line("solve", tuple(float(one.cells) for one in answers), tuple(spent)))
-    title = f"seconds of each stage, {kind}"
-    return Plot("scaling", title, "cells of the mesh", "seconds", tuple(lines), log_x=True, log_y=True)
+    return at_most(f"exponent of {stage}", fitted(sizes, seconds), LINEAR, source=_SOURCE, reason=reason, levels=levels)
 
 
 def _cases() -> Iterator[Case]:
     hexahedra, tetrahedra = (34, 68, 136, 204), (56, 80, 112, 160, 224)
-    for name, kind, sides, hexa, levels in (
+    for name, kind, sides, hexa, suites in (
         ("HEXA8", "HEXA8", hexahedra, "pyramid", {"quick": 3, "full": 4}),
         ("TETRA4", "TETRA4", tetrahedra, "pyramid", {"full": 5}),
-        ("HEXA8-hexa", "HEXA8", hexahedra, "hexa", {"all": 3}),
+        ("HEXA8-hexa", "HEXA8", hexahedra, "hexa", {"every": 3}),
     ):
-        description = f"plates of {kind}, the slave cut {hexa}"
-        yield Case("scaling", name, description, partial(run, kind, sides, hexa), levels, 90.0, exclusive=True)
+        words = f"plates of {kind}, the slave cut {hexa}"
+        yield replace(row("scaling", name, words, run, kind, sides, hexa, **suites, seconds=90.0), exclusive=True)
 
 
-FAMILY = Family(
-    "scaling",
-    "Scaling",
-    "The time of each stage against the size of the problem, on two plates whose faces do not match, each two cells "
-    "thick, so that skins grow as bodies do. The exponent is the slope of the logarithms by least squares; 1 is "
-    "proportional. The solve is for information.\n\n"
-    "Seconds are those of the process, without compilation, measured with nothing of the harness beside. The exponents "
-    "of the program alone, without what the kernel spends on new memory, are given too.",
-    tuple(_cases()),
-)
+FAMILY = Family("scaling", "Scaling", __doc__.partition("\n\n")[2], tuple(_cases()))

@@ -32,7 +32,7 @@ def constant(matrices: ContactMatrices, moving: NDArray[np.bool_]) -> float:
     A constant of zero is computed as some 1e-8, the square root of rounding.
     """
     dim = matrices.normal.shape[1]
-    nodes = np.flatnonzero(moving & held(matrices.mesh))
+    nodes = np.flatnonzero(moving & in_body(matrices.mesh))
     if not len(nodes):
         return 0.0
     N = norm(matrices.mesh)[nodes][:, nodes]
@@ -47,7 +47,7 @@ def constant(matrices: ContactMatrices, moving: NDArray[np.bool_]) -> float:
     return float(np.sqrt(max(least, 0.0)))
 
 
-def held(mesh: Mesh) -> NDArray[np.bool_]:
+def in_body(mesh: Mesh) -> NDArray[np.bool_]:
     """Mask (n_nodes,) of the nodes that belong to a cell of the body."""
     return np.isin(np.arange(mesh.n_nodes), mesh.nodes_on(_body(mesh)))
 

@@ -23,12 +23,12 @@ Ints = NDArray[np.integer]
 ExactField = Callable[[Floats], Floats]
 #: of the rules, in each reference coordinate or in all together
 DEGREE = 8
-#: cells whose points are held at once
+#: cells whose points are in memory at once
 _PIECE = 1 << 14
 
 
 class Points(NamedTuple):
-    """Quadrature points of cells of one type: rows in the list asked for (k,), nodes (k, n), N (p, n), x (k, p, 3),
+    """Quadrature points of cells of one type: rows in the list of cells (k,), nodes (k, n), N (p, n), x (k, p, 3),
     weights (k, p) with the measure of the cell in them; `dN` (p, n, dim) and `J` (k, p, 3, dim) for gradients.
     """
 

@@ -78,6 +78,11 @@ def bent(mesh: Mesh, where: Callable[[Floats], Floats]) -> Mesh:
     return Mesh.create(where(mesh.points), mesh.blocks, cell_groups=mesh.cell_groups, space_dim=mesh.space_dim)
 
 
+def polar(x: Floats) -> Floats:
+    """Points (n, 3) at a radius, an angle (radians) and a height z."""
+    return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
+
+
 def nodes_of(mesh: Mesh, group: str) -> Ints:
     """The nodes of the cells of a group, sorted."""
     return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[group])]))

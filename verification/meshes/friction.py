@@ -4,22 +4,24 @@ punch, a pad, a slider, a ring on a hub, a wheel, a rod, a cylinder in a groove.
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh import Mesh
+from lacmesh import Mesh, generate
 from lacmesh.generate.parts import assembled
 from verification.meshes import rings
-from verification.meshes.blocks import bent, joined, rows_of, with_skin
+from verification.meshes.blocks import bent, joined, polar, rows_of, with_skin
 from verification.meshes.half_spaces import depth_lines, piece
 
 Floats = NDArray[np.floating]
-Ints = NDArray[np.integer]
 
 #: how far the plane around a crack reaches, in half-lengths; the block around a punch, in its half-widths
 REACH = 3.0
+
+
+def _on_line(mesh: Mesh, start: float, end: float, height: float = 0.0) -> Mesh:
+    """The mesh and a rigid plane, `master`: one face from x = start to x = end, which faces up where start > end."""
+    return with_skin(mesh, "SEG2", np.array([[start, height], [end, height]]), np.array([[0, 1]]), "master")
 
 
 def cracked(kind: str, n: int) -> Mesh:
@@ -27,33 +29,22 @@ def cracked(kind: str, n: int) -> Mesh:
 
     Groups: `slave` (the upper face), `master`, `far`, and `upper`, `lower` (cells).
     """
-    near, out = np.linspace(0, 1, n + 1), np.linspace(1, REACH, n + 1)[1:]
-    half = np.concatenate([near, out])
+    half = np.concatenate([np.linspace(0, 1, n + 1), np.linspace(1, REACH, n + 1)[1:]])
     along = np.concatenate([-half[:0:-1], half])
     parts = []
-    for body, lines, face in (("upper", half, "y0"), ("lower", -half[::-1], "y1")):
-        mesh = piece(kind, [along, lines])
-        parts.append((mesh, {"": body, face: f"face_{body}"} | dict.fromkeys({"x0", "x1", "y0", "y1"} - {face}, "far")))
+    for body, lines, face, role in (("upper", half, "y0", "slave"), ("lower", -half[::-1], "y1", "master")):
+        names = dict.fromkeys(("x0", "x1", "y0", "y1"), "far") | {"": body, face: role}
+        parts.append((piece(kind, [along, lines]), names))
     mesh = joined(parts)
-    whole = _glued(mesh, np.flatnonzero((mesh.points[:, 1] == 0) & (np.abs(mesh.points[:, 0]) > 1 - 1e-9)))
-    rows: dict[tuple[str, str], Ints] = {}
-    for (cell, name), nodes in rows_of(whole).items():
-        if name.startswith("face_"):
-            inside = np.abs(whole.points[nodes, 0]).max(axis=1) < 1 + 1e-9
-            name, nodes = {"face_upper": "slave", "face_lower": "master"}[name], nodes[inside]
-        rows[cell, name] = nodes
-    return assembled(whole.points, rows, 2)
-
-
-def _glued(mesh: Mesh, which: Ints) -> Mesh:
-    """The mesh with nodes at the same place made one, of those that are named."""
-    new = np.arange(mesh.n_nodes)
-    first: dict[float, int] = {}
-    for node in which:
-        new[node] = first.setdefault(round(float(mesh.points[node, 0]), 9), int(node))
-    rows = {key: new[nodes] for key, nodes in rows_of(mesh).items()}
-    used = np.unique(np.concatenate([nodes.ravel() for nodes in rows.values()]))
-    return assembled(mesh.points[used], {key: np.searchsorted(used, nodes) for key, nodes in rows.items()}, 2)
+    x, y, _ = mesh.points.T
+    # nodes of both bodies at one place are made one on the line of the crack, but for its tips' inside
+    place = np.where((y == 0) & (np.abs(x) > 1 - 1e-9), x.round(9), REACH + 1.0 + np.arange(len(x)))
+    _, first, new = np.unique(place, return_index=True, return_inverse=True)
+    rows = {}
+    for (cell, name), nodes in rows_of(mesh).items():
+        inside = np.abs(x[nodes]).max(axis=1) < 1 + 1e-9 if name in ("slave", "master") else np.ones(len(nodes), bool)
+        rows[cell, name] = new.ravel()[nodes[inside]]
+    return assembled(mesh.points[first], rows, 2)
 
 
 def pulled_fit(kind: str, n: int) -> Mesh:
@@ -61,28 +52,23 @@ def pulled_fit(kind: str, n: int) -> Mesh:
 
     Groups: `within`, `around` (cells), `slave` (of the shaft), `master`, `far_within`, `far_around`.
     """
-    parts = []
-    for body, r, along, face, role in (
-        ("within", np.linspace(0.5, 1, n // 2 + 1), n, "x1", "slave"),
-        ("around", np.linspace(1, 2, n // 2 + 1), n + 1, "x0", "master"),
-    ):
-        mesh = piece(kind, [r, np.linspace(0, 1, along + 1)])
-        far = dict.fromkeys({"x0", "x1", "y0", "y1"} - {face}, f"far_{body}")
-        parts.append((mesh, {"": body, face: role} | far))
-    return joined(parts)
+    within = piece(kind, [np.linspace(0.5, 1, n // 2 + 1), np.linspace(0, 1, n + 1)])
+    around = piece(kind, [np.linspace(1, 2, n // 2 + 1), np.linspace(0, 1, n + 2)])
+    return _fit(within, around, "x1", "x0")
+
+
+def _fit(within: Mesh, around: Mesh, slave: str, master: str) -> Mesh:
+    """Two bodies that meet in these sides; the others are those where they are moved."""
+    return joined([
+        (mesh, dict.fromkeys(mesh.cell_groups, f"far_{body}") | {"": body, side: role})
+        for mesh, body, side, role in ((within, "within", slave, "slave"), (around, "around", master, "master"))
+    ])  # fmt: skip
 
 
 def turned_fit(kind: str, n: int) -> Mesh:
     """A quarter of a shaft 0.5 < r < 1 in a hub up to 2; groups as those of `pulled_fit`."""
-    parts = []
-    for body, radii, around, face, role in (
-        ("within", (0.5, 1.0), n, "high", "slave"),
-        ("around", (1.0, 2.0), n + 1, "low", "master"),
-    ):
-        mesh = rings.ring(kind, (n // 2, around), radii)
-        far = dict.fromkeys({"x0", "y0", "low", "high"} - {face}, f"far_{body}")
-        parts.append((mesh, {"": body, face: role} | far))
-    return joined(parts)
+    within = rings.ring(kind, (n // 2, n), (0.5, 1.0))
+    return _fit(within, rings.ring(kind, (n // 2, n + 1), (1.0, 2.0)), "high", "low")
 
 
 def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
@@ -91,12 +77,7 @@ def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
     Groups: `belt` (cells), `slave` (its inner face), `master` (the cylinder, a bare skin), `first`, `last` (its ends).
     """
     flat = piece(kind, [np.linspace(1, 1 + thickness, 3), np.linspace(0, angle, n + 1)])
-    names = {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}
-
-    def around(x: Floats) -> Floats:
-        return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
-
-    mesh = bent(joined([(flat, names)]), around)
+    mesh = bent(joined([(flat, {"": "belt", "x0": "slave", "y0": "first", "y1": "last"})]), polar)
     wide = np.linspace(-0.5 * angle / n, angle * (1 + 0.5 / n), 2 * (2 * n + 1) + 1)
     points = np.stack([np.cos(wide), np.sin(wide)], axis=1)
     start = np.arange(0, len(wide) - 2, 2)
@@ -112,11 +93,8 @@ def laid_belt(n: int) -> Mesh:
     belt = piece("QUAD4", [np.linspace(10, 10.1, 3), np.linspace(0, np.pi / 2, n + 1)])
     drum = piece("QUAD4", [np.linspace(8, 10, 3), np.linspace(-0.1, np.pi / 2 + 0.1, 61)])
 
-    def around(x: Floats) -> Floats:
-        return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
-
-    return joined([(bent(belt, around), {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}),
-                   (bent(drum, around), {"": "drum", "x1": "master"})])  # fmt: skip
+    return bent(joined([(belt, {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}),
+                        (drum, {"": "drum", "x1": "master"})]), polar)  # fmt: skip
 
 
 def punched_half(kind: str, n: int) -> Mesh:
@@ -129,23 +107,18 @@ def punched_half(kind: str, n: int) -> Mesh:
     deep = np.concatenate([depth_lines(n), 2 + (REACH - 2) * np.linspace(0, 1, max(n // 4, 2) + 1)[1:]])
     mesh = joined([(piece(kind, [np.concatenate([near, out]), -deep[::-1]]),
                     {"": "block", "x0": "axis", "x1": "far", "y0": "far", "y1": "top"})])  # fmt: skip
-    rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
-    for (cell, name), nodes in rows_of(mesh).items():
-        if name == "top":
-            under = mesh.points[nodes, 0].max(axis=1) < 1 + 1e-9
-            rows[cell, "slave"].append(nodes[under])
-        else:
-            rows[cell, name].append(nodes)
-    mesh = assembled(mesh.points, {key: np.concatenate(nodes) for key, nodes in rows.items()}, 2)
-    return with_skin(mesh, "SEG2", np.array([[-0.5, 0.0], [1.0, 0.0]]), np.array([[0, 1]]), "master")
+    rows = rows_of(mesh)
+    (top,) = (key for key in rows if key[1] == "top")
+    under = rows.pop(top)
+    rows[top[0], "slave"] = under[mesh.points[under, 0].max(axis=1) < 1 + 1e-9]
+    return _on_line(assembled(mesh.points, rows, 2), -0.5, 1.0)
 
 
 def pad(kind: str, n: int) -> Mesh:
     """A pad 1 long and 0.2 high on a longer rigid plane. Groups: `pad`, `slave`, `top`, `left`, `right`, `master`."""
     names = {"": "pad", "y0": "slave", "y1": "top", "x0": "left", "x1": "right"}
     mesh = joined([(piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.2, max(n // 4, 2) + 1)]), names)])
-    plane = np.array([[2.0, 0.0], [-1.0, 0.0]])
-    return with_skin(mesh, "SEG2", plane, np.array([[0, 1]]), "master")
+    return _on_line(mesh, 2.0, -1.0)
 
 
 def slider(kind: str, n: int, below: bool) -> Mesh:
@@ -165,16 +138,7 @@ def slider(kind: str, n: int, below: bool) -> Mesh:
 
 def ring_on_hub(kind: str, n: int) -> Mesh:
     """A whole ring 1 < r < 1.5, n cells around, on a hub, a bare skin of radius 1: `ring`, `slave`, `master`."""
-    flat = piece(kind, [np.linspace(1, 1.5, 3), np.linspace(0, 1, n + 1)])
-
-    def around(x: Floats) -> Floats:
-        angle = 2 * np.pi * x[:, 1]
-        return np.stack([x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]], axis=1)
-
-    mesh = bent(joined([(flat, {"": "ring", "x0": "slave"})]), around)
-    _, first, new = np.unique(mesh.points.round(9) + 0.0, axis=0, return_index=True, return_inverse=True)
-    rows = {key: new.ravel()[nodes] for key, nodes in rows_of(mesh).items() if key[1]}
-    whole = assembled(mesh.points[first], rows, 2)
+    whole = joined([(generate.ring((2, n), (1.0, 1.5), kind), {"body": "ring", "inner": "slave"})])
     angle = 2 * np.pi * (np.arange(2 * (n + 3)) + 0.3) / (2 * (n + 3))
     start = np.arange(0, len(angle), 2)
     faces = np.stack([start, (start + 2) % len(angle), start + 1], axis=1)
@@ -187,11 +151,8 @@ def wheel(kind: str, n: int) -> Mesh:
     """
     flat = piece(kind, [np.linspace(0.5, 1, n // 5 + 1), np.linspace(-0.3, 0.9, n + 1)])
 
-    def around(x: Floats) -> Floats:
-        return np.stack([x[:, 0] * np.sin(x[:, 1]), -x[:, 0] * np.cos(x[:, 1]), x[:, 2]], axis=1)
-
-    sector = bent(joined([(flat, {"": "wheel", "x0": "hub", "x1": "slave"})]), around)
-    return with_skin(sector, "SEG2", np.array([[2.0, -1.0], [-1.0, -1.0]]), np.array([[0, 1]]), "master")
+    sector = joined([(flat, {"": "wheel", "x0": "hub", "x1": "slave"})])
+    return _on_line(bent(sector, lambda x: polar(x - [0.0, np.pi / 2, 0.0])), 2.0, -1.0, -1.0)
 
 
 def rod(kind: str, n: int, angle: float) -> Mesh:
@@ -202,7 +163,7 @@ def rod(kind: str, n: int, angle: float) -> Mesh:
     upright = piece(kind, [np.linspace(-0.05, 0.05, max(n // 8, 2) + 1), np.linspace(0, np.sin(angle), n + 1)])
     leaning = bent(joined([(upright, {"": "rod", "y0": "slave"})]),
                    lambda x: x + x[:, 1:2] * [[1 / np.tan(angle), 0, 0]])  # fmt: skip
-    return with_skin(leaning, "SEG2", np.array([[9.0, 0.0], [-9.0, 0.0]]), np.array([[0, 1]]), "master")
+    return _on_line(leaning, 9.0, -9.0)
 
 
 def seated(kind: str, n: int, radius: float, hole: float) -> Mesh:
@@ -214,14 +175,13 @@ def seated(kind: str, n: int, radius: float, hole: float) -> Mesh:
     ball = piece(kind, [np.linspace(hole, radius, max(n // 4, 2) + 1), np.linspace(-np.pi / 2, np.pi / 2, n + 1)])
     seat = piece(kind, [np.linspace(0, np.sqrt(2), n // 2 + 1), np.linspace(-2, 0, max(n // 4, 2) + 1)])
 
-    def around(x: Floats) -> Floats:
-        r, angle, z = x.T
-        points = np.stack([r * np.cos(angle), r * np.sin(angle) + np.sqrt(2) * radius, z], axis=1)
+    def above(x: Floats) -> Floats:
+        points = polar(x) + np.array([0.0, np.sqrt(2) * radius, 0.0])
         points[np.abs(points[:, 0]) < 1e-12 * radius, 0] = 0.0
         return points
 
     def below(x: Floats) -> Floats:
         return radius * np.stack([x[:, 0], x[:, 1] + x[:, 0] * (1 + x[:, 1] / 2), x[:, 2]], axis=1)
 
-    return joined([(bent(ball, around), {"": "ball", "x1": "round", "y0": "axis", "y1": "axis"}),
+    return joined([(bent(ball, above), {"": "ball", "x1": "round", "y0": "axis", "y1": "axis"}),
                    (bent(seat, below), {"": "seat", "y1": "flank", "x1": "base", "x0": "axis"})])  # fmt: skip

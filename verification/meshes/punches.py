@@ -46,14 +46,8 @@ def punched(punch: Punch) -> Mesh:
     """The block, QUAD4 or HEXA8, and the punch above it. Groups: block, bottom, top; punch, face."""
     kind, up = ("QUAD4", "y") if punch.dim == 2 else ("HEXA8", "z")
     along, below = _COUNTS[punch.dim]
-    parts = []
-    for low, high, counts, names in (
-        ((0.0,) * (punch.dim - 1), (along * FACE,) * (punch.dim - 1), (along, below), ("block", "bottom", "top")),
-        (punch.corner, tuple(x + punch.wide for x in punch.corner), (punch.faces, 1), ("punch", "face", "")),
-    ):
-        bottom, top = (-1.0, 0.0) if names[0] == "block" else (ABOVE, ABOVE + FACE)
-        low, high = (*low, bottom), (*high, top)
-        named = {"": names[0], f"{up}0": names[1], f"{up}1": names[2]}
-        sides = (counts[0],) * (punch.dim - 1) + counts[1:]
-        parts.append((block(kind, sides, low, high), {key: name for key, name in named.items() if name}))
-    return joined(parts)
+    flat, names = punch.dim - 1, {"": "block", f"{up}0": "bottom", f"{up}1": "top"}
+    under = block(kind, (along,) * flat + (below,), (0.0,) * flat + (-1.0,), (along * FACE,) * flat + (0.0,))
+    low, high = (*punch.corner, ABOVE), (*(x + punch.wide for x in punch.corner), ABOVE + FACE)
+    over = block(kind, (punch.faces,) * flat + (1,), low, high)
+    return joined([(under, names), (over, {"": "punch", f"{up}0": "face"})])

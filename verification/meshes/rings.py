@@ -23,14 +23,10 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.generate.parts import SPLITS, assembled
 from verification import grids
-from verification.meshes.blocks import LEFT, bent, block, boxed, joined, rows_of
+from verification.meshes.blocks import LEFT, bent, block, boxed, joined, polar, rows_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
-#: sides of the block of a ring in its plane: radius, then angle from the axis x
-_RING = {"x0": "low", "x1": "high", "y1": "x0"}
-#: sides of the block of a tube, radius first
-_FACES_OF_TUBE = {"x0": "low", "x1": "high"}
 #: sides of a block of an octant: two angles, then radius
 _FACES = {"z0": "low", "z1": "high"}
 
@@ -41,15 +37,15 @@ def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: fl
     `jitter`: how far corners are moved at random, in cells; those on a side stay on it. Groups: low, high (the faces),
     x0, y0.
     """
-
-    def around(x: Floats) -> Floats:
-        r, angle, z = x.T
-        points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
-        points[np.abs(points) < 1e-12 * radii[1]] = 0.0
-        return points
-
     flat = _patch(kind, counts, (radii[0], 0.0), (radii[1], np.pi / 2), jitter=jitter, seed=seed)
-    return bent(joined([(flat, _RING)], keep=True), around)
+    return bent(joined([(flat, {"x0": "low", "x1": "high", "y1": "x0"})], keep=True), _around)
+
+
+def _around(x: Floats) -> Floats:
+    """Points (n, 3) at a radius, an angle and a height; those in the planes x = 0 and y = 0 are there exactly."""
+    points = polar(x)
+    points[np.abs(points) < 1e-12 * x[:, :1].max()] = 0.0
+    return points
 
 
 def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
@@ -88,18 +84,11 @@ def sleeve(
     """
     if CELLS[kind].dim == 2:
         flat = _patch(kind, counts, (radii[0], 0.0), (radii[1], length), jitter=jitter, seed=seed)
-        return joined([(flat, {**_FACES_OF_TUBE, "y0": "middle"})], keep=True)
+        return joined([(flat, {"x0": "low", "x1": "high", "y0": "middle"})], keep=True)
     flat = _patch(kind, counts, (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length), jitter=jitter, seed=seed)
-
-    def around(x: Floats) -> Floats:
-        r, angle, z = x.T
-        r = r * (1 + slope * z)
-        points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
-        points[np.abs(points) < 1e-12 * radii[1]] = 0.0
-        return points
-
-    names = {**_FACES_OF_TUBE, "y1": "x0", "z0": "middle"}
-    return bent(joined([(flat, names)], keep=True), around)
+    names = {"x0": "low", "x1": "high", "y1": "x0", "z0": "middle"}
+    mesh = joined([(flat, names)], keep=True)
+    return bent(mesh, lambda x: _around(x * np.stack([1 + slope * x[:, 2], *np.ones((2, len(x)))], axis=1)))
 
 
 def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from verification.grids import box, half_disc, quadrangles
-from verification.meshes.blocks import block, with_skin
+from verification.meshes.blocks import bent, block, polar, with_skin
 from verification.meshes.blocks import joined as stacked
 from verification.meshes.bodies import Body, Where, at, body, joined
 
@@ -27,11 +27,6 @@ DIE_3D, HALF, CROWN, START_3D = 1.0, 0.9, 0.06, -1.5
 IRONED_3D = (6.0, 1.5, 1.5)
 
 
-def plate_lines(faces: int) -> tuple[Floats, Floats]:
-    """Along x and y, of the skin that the slider of side 1 slides over."""
-    return np.linspace(-0.5, 3.5, faces + 1), np.linspace(-0.4, 1.4, 4)
-
-
 def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     """A unit block of cells of type `kind`, n a side, above a bare skin that is longer, of so many faces along x.
 
@@ -41,7 +36,8 @@ def slider(kind: str, n: int, faces: int, wave: float = 0.0) -> Mesh:
     dim = CELLS[kind].dim
     above = block(kind, n, (0.0,) * dim, (1.0,) * dim)
     names = {f"{'xyz'[dim - 1]}0": "slave", f"{'xyz'[dim - 1]}1": "top"}
-    points = box(*plate_lines(faces)[: dim - 1], np.zeros(1))
+    lines = np.linspace(-0.5, 3.5, faces + 1), np.linspace(-0.4, 1.4, 4)
+    points = box(*lines[: dim - 1], np.zeros(1))
     points[..., -1] = wave * (np.cos(2 * np.pi * points[..., 0] / 1.6) - 1)
     number = np.arange(points[..., 0].size).reshape(points.shape[:-1])
     plate = np.stack([number[1:, 0], number[:-1, 0]], axis=1) if dim == 2 else quadrangles(number[..., 0])
@@ -129,12 +125,14 @@ def on_table(n: int, radius: float = 0.0) -> Mesh:
 
     `radius`: of the arcs of 60 degrees in which the underside ends, 0 for sharp edges.
     """
-    x, quads, k = _grid(n, n)
-    beyond = np.maximum(np.abs(x[:, 0] - 0.5) - 0.5 + radius * np.sin(np.pi / 3), 0.0)
-    x[:, 1] += (1 - x[:, 1]) * (radius - np.sqrt(radius**2 - np.minimum(beyond, radius) ** 2))
-    lines = np.concatenate([_along(k[0]), _along(k[-1][::-1]), [[len(x) + 1, len(x)]]])
-    groups = {"block": n * n, "underside": n, "top": n, "table": 1}
-    return _grouped(np.concatenate([x + np.array([1.0, 0.0]), [[0.0, 0.0], [4.0, 0.0]]]), quads, lines, groups)
+
+    def where(x: Floats) -> Floats:
+        beyond = np.maximum(np.abs(x[:, 0] - 0.5) - 0.5 + radius * np.sin(np.pi / 3), 0.0)
+        rise = radius - np.sqrt(radius**2 - np.minimum(beyond, radius) ** 2)
+        return np.stack([1 + x[:, 0], x[:, 1] + (1 - x[:, 1]) * rise, x[:, 2]], axis=1)
+
+    above = stacked([(block("QUAD4", n, (0, 0), (1, 1)), {"": "block", "y0": "underside", "y1": "top"})])
+    return with_skin(bent(above, where), "SEG2", np.array([[4.0, 0.0], [0.0, 0.0]]), np.array([[0, 1]]), "table")
 
 
 def in_groove(n: int) -> Mesh:
@@ -142,34 +140,11 @@ def in_groove(n: int) -> Mesh:
 
     `ball` and `seat`: the bodies; `axis`: their lines of symmetry; `base`: below the seat.
     """
-    s, quads, k = _grid(2 * n, 5)
-    angle, r = np.pi * (s[:, 0] - 0.5), 10.0 - 6.0 * s[:, 1]
-    ball = np.stack([r * np.cos(angle), 10 * np.sqrt(2) + r * np.sin(angle)], axis=1)
-    q, more, j = _grid(13, 8)
-    seat = np.stack([25 * q[:, 0], -20 + (20 + 25 * q[:, 0]) * q[:, 1]], axis=1)
-    j = j + len(ball)
-    parts = [k[0], j[-1][::-1], k[::-1, 0], k[:, -1], j[::-1, 0], j[0]]
-    lines = np.concatenate([_along(part) for part in parts])
-    groups = {"ball": len(quads), "seat": len(more), "round": 2 * n, "flank": 13, "axis": 18, "base": 13}
-    turned = quads[:, ::-1]  # the angle and the radius run clockwise
-    return _grouped(np.concatenate([ball, seat]), np.concatenate([turned, more + len(ball)]), lines, groups)
-
-
-def _grid(n: int, m: int) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-    """Return points of the unit square, n x m QUAD4 between them, and the points' numbers (m + 1, n + 1)."""
-    s, t = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1))
-    k = np.arange((n + 1) * (m + 1)).reshape(m + 1, n + 1)
-    quads = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
-    return np.stack([s, t], axis=-1).reshape(-1, 2), quads, k
-
-
-def _along(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the segments between nodes that follow one another."""
-    return np.stack([nodes[:-1], nodes[1:]], axis=1)
-
-
-def _grouped(x: Floats, quads: NDArray[np.int64], lines: NDArray[np.int64], groups: dict[str, int]) -> Mesh:
-    """Return a mesh of quadrangles and segments, with groups of so many cells one after the other."""
-    ends = np.cumsum(list(groups.values()))
-    cells = {name: np.arange(end - count, end) for (name, count), end in zip(groups.items(), ends, strict=True)}
-    return Mesh.create(x, [("QUAD4", quads), ("SEG2", lines)], cell_groups=cells)
+    ball = bent(block("QUAD4", (5, 2 * n), (4.0, -np.pi / 2), (10.0, np.pi / 2)), polar)
+    seat = block("QUAD4", (13, 8), (0, 0), (25, 1))
+    return stacked([
+        (bent(ball, lambda x: x + np.array([0.0, 10 * np.sqrt(2), 0.0])),
+         {"": "ball", "x1": "round", "y0": "axis", "y1": "axis"}),
+        (bent(seat, lambda x: np.stack([x[:, 0], -20 + (20 + x[:, 0]) * x[:, 1], x[:, 2]], axis=1)),
+         {"": "seat", "y1": "flank", "x0": "axis", "y0": "base"}),
+    ])  # fmt: skip

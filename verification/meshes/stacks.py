@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.generate.parts import assembled, linear, raised
+from lacmesh.generate.parts import linear, raised
 from verification import grids
 from verification.meshes.blocks import SIDES, bent, joined
 
@@ -87,14 +87,6 @@ def tower(kinds: Sequence[str], counts: Sequence[int]) -> Mesh:
         names |= {"z0": f"slave{k}" if k else "bottom", "z1": f"master{k + 1}" if k + 1 < len(kinds) else "top"}
         parts.append((moved(block(kind, (n, n, LAYERS)), shift=np.array([0.0, 0, k])), names))
     return joined(parts)
-
-
-def skin(mesh: Mesh, group: str) -> Mesh:
-    """The cells of a group alone, with their nodes."""
-    parts = [(kind, nodes) for kind, _, nodes in mesh.select(mesh.cell_groups[group])]
-    used = np.unique(np.concatenate([nodes.ravel() for _, nodes in parts]))
-    rows = {(kind, group): np.searchsorted(used, nodes) for kind, nodes in parts}
-    return assembled(mesh.points[used], rows, mesh.space_dim)
 
 
 def moved(mesh: Mesh, turn: Floats | None = None, shift: Floats | None = None) -> Mesh:

@@ -181,7 +181,7 @@ def test_mistakes_are_told_as_by_one_process(folder, of_2, name, capsys):
 def test_parts_that_were_divided_without_equations_are_refused(folder, of_3):
     status, (line,) = of_3["joined"]
     assert status == 1 and not (folder / "joined_of_3").exists()
-    assert "mesh was divided before" in line
+    assert "mesh was divided without it" in line
 
 
 # ---- files

@@ -1,0 +1,1 @@
+"""A cylinder on a block, by lacsolver and by other contact codes, on the same mesh."""

@@ -1,1 +1,0 @@
-"""Figures and tables of the documentation pages; `make_figures.py` is the command."""
