@@ -400,15 +400,6 @@ def test_cylindrical_axes_hold_a_sector(tmp_path):
     np.testing.assert_allclose(np.linalg.norm(u[r == 1], axis=1), 0.01, rtol=1e-9)
 
 
-def test_moments_and_motions_of_a_reference_node(tmp_path):
-    distributing = column(COUPLED + "*DISTRIBUTING\n", "*CLOAD\n999, 4, 3.\n")
-    (record,) = imported(tmp_path, distributing).case.coupling
-    assert [v.at(1.0) for v in record.moment] == [3.0, 0.0, 0.0] and record.at == (0.5, 1.0, 4.0)
-    kinematic = column(COUPLED + "*KINEMATIC\n", "*BOUNDARY\n999, 3, 3, 0.1\n999, 4, 6, 0.\n")
-    (record,) = imported(tmp_path, kinematic).case.coupling
-    assert record.uz.at(1.0) == 0.1 and [v.at(1.0) for v in record.rotation] == [0, 0, 0]
-
-
 def test_a_rotation_about_one_axis(tmp_path):
     """Prescribed about y, free about x under a moment and about z; with NLGEOM a rigid coupling takes it too."""
     loads = "*BOUNDARY\n999, 1, 3\n999, 5, 5, 0.01\n*CLOAD\n999, 4, 3.\n"

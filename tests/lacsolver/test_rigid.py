@@ -220,21 +220,6 @@ def test_the_map_of_a_loaded_body_and_its_derivatives(model, size):
 
 
 @TURNING
-def test_at_rest_the_map_is_that_of_small_kinematics_which_is_linear(model):
-    _, small, _ = turning(model, kinematics="small", **LOADED[model])
-    _, finite, _ = turning(model, **LOADED[model])
-    q = np.zeros(small.n_q)
-    assert abs(finite.T - small.T).max() < 1e-15
-    assert abs(finite.tangent(q, 0.0) - small.T).max() < 1e-15
-    np.testing.assert_allclose(finite.force(1.0, q), small.force(1.0), rtol=1e-14)
-    q = np.random.default_rng(0).normal(size=small.n_q)
-    assert small.tangent(q, 1.0) is small.T
-    assert small.turning(q, 1.0, np.ones(small.T.shape[0])) is None
-    np.testing.assert_allclose(small.displacement(q, 1.0), small.T @ q + small.u0(1.0), atol=1e-14)
-    np.testing.assert_array_equal(small.force(1.0, q), small.force(1.0))
-
-
-@TURNING
 def test_work_of_the_resultant_is_work_of_the_forces(model):
     """Forces that are moments' reactions: T^T r = force(q) exactly when their moment is the load."""
     space, constraints, nodes = turning(model, **LOADED[model])
