@@ -27,6 +27,7 @@ from lacsolver.output import create_output
 from lacsolver.problem.adjust import adjusted
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
+from lacsolver.results.state import UNPAIRED
 from lacsolver.running import run
 from lacsolver.validation import validate
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
@@ -343,6 +344,22 @@ def test_a_slave_that_hardly_has_a_master_is_told(tmp_path):
     closed, apart = (replace(mesh, points=mesh.points + [0, up, 0] * below) for up in (0.005, -0.01))
     assert ran(of(closed, "finite"), tmp_path / "closed")[2] == ""
     assert ran(of(apart, "finite"), tmp_path / "open")[2].startswith(said)
+
+
+@pytest.mark.parametrize(
+    "lowered, kinematics, keys",
+    [(0.1, "small", {"max_penetration": 0.6}), (0.3, "small", {"max_penetration": 0.6}), (0.1, "finite", {})],
+)
+def test_a_deeper_overlap_is_found_and_closed(lowered, kinematics, keys):
+    """With a depth that is given; skins that are followed look deeper."""
+    case = of(cylinder_on_block(lowered), kinematics, **keys)
+    zone = solved(case)
+    inside = (zone.centre[:, 1] < -1e-6) & (np.abs(zone.centre[:, 0]) < 1)
+    assert inside.sum() > 5 and (zone.status[inside] != UNPAIRED).all()
+    assert np.nanmin(zone.gap) > -1e-9  # all of it is closed
+    pushed = zone.pressure > 0
+    assert pushed.sum() > 5 and np.abs(zone.centre[pushed, 0]).max() > 0.5 * np.sqrt(2 * lowered)
+    assert abs(validate(case).zones[0].overlap - lowered) < 0.1 * lowered
 
 
 def block_in_a_channel(clockwise):

@@ -17,7 +17,6 @@ from tests.problems import case_of
 
 CENTRE = (0.3, -0.2, 0.7)
 EACH_MODEL = pytest.mark.parametrize("model", MODELS)
-TURNING = pytest.mark.parametrize("model", [model for model in MODELS if model != "axisymmetric"])
 
 
 def rigid_box(model, plane="QUAD4"):
@@ -219,7 +218,7 @@ def test_the_map_of_a_loaded_body_and_its_derivatives(model, size):
     assert bent is None or np.abs(expected).max() > 0.1
 
 
-@TURNING
+@pytest.mark.parametrize("model", [model for model in MODELS if model != "axisymmetric"])
 def test_work_of_the_resultant_is_work_of_the_forces(model):
     """Forces that are moments' reactions: T^T r = force(q) exactly when their moment is the load."""
     space, constraints, nodes = turning(model, **LOADED[model])
