@@ -255,7 +255,7 @@ def far_sides(mesh):
         (lambda mesh: mesh, {"normal": (1, 0, 0)}, "lies in the section"),
         (a_part, {"group": "part"}, "sides share nodes"),
         (far_sides, {"group": "far"}, "surface of a body"),
-        (lambda mesh: lacmesh.cut_skin(mesh, "end").mesh, {}, "before it is cut"),
+        (lambda mesh: lacmesh.cut_skin(mesh, "end").mesh, {}, "split first"),
     ],
 )
 def test_sections_that_are_refused(make, keys, words):
