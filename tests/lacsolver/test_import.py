@@ -521,13 +521,3 @@ def test_sections_of_several_thicknesses(tmp_path, element):
     assert found.made.case.thickness == {"LOW": 4.0, "thick": 2.0}
     for nodes, length in (([3, 4], 12 / 4), ([7, 8], 12 / 4 + 12 / 2), ([11, 12], 2 / 2)):
         np.testing.assert_allclose(found.u(nodes)[:, 1], length / E, rtol=1e-9)
-
-
-def test_names_of_sides_and_supports(tmp_path):
-    """Supports keep the names of their sets; a set of elements that has the name of a surface keeps its own."""
-    deck = COLUMN.text() + "*SURFACE, NAME=B\nB_EZ1, S2\n" + section() + held() + step("*DSLOAD\nB, P, 20.\n")
-    found = solved(tmp_path, deck)
-    assert {record.group for record in found.made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
-    (pressure,) = found.made.case.pressure
-    assert len(found.made.mesh.cell_groups[pressure.group]) == 2
-    assert np.allclose(found.u(TOP)[:, 2], -20 / E * 3)
