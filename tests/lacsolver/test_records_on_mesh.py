@@ -202,16 +202,6 @@ def test_contact_holds_a_body_until_its_support_begins():
     assert last.figures.contact["slave"].resultant[2] == pytest.approx(10, rel=1e-9)
 
 
-@pytest.mark.parametrize(("master", "carried"), [("bottom", 10.0), ("lower", 0.0)])
-def test_a_slave_that_is_held_late(master, carried):
-    """A slave on a free master takes what comes after; on a master that is held all, as where both are prescribed."""
-    supports = fix(master, "xyz"), fix("top", "xy"), fix("slave", "zx", begin=1.0)
-    first, last = ls.march(pushed(*supports, load=((0, 0), (1, -10), (2, -20))))
-    assert first.figures.contact["slave"].resultant[2] == pytest.approx(10, rel=1e-9)
-    assert last.figures.contact["slave"].resultant[2] == pytest.approx(carried, abs=1e-8)
-    assert last.figures.reactions["slave"][2] == pytest.approx(20 - carried, rel=1e-9)
-
-
 def test_a_support_that_does_not_hold_yet_holds_nothing():
     (problem,) = validate(pushed(joint=False)).problems
     assert "nothing supports a part of the model" in problem.message
