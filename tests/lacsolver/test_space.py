@@ -23,7 +23,7 @@ from lacsolver.cli import main
 from lacsolver.space.rules import SOLID_CELLS, cell_rule
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
-from tests.lacsolver.bodies import PLANE_MODELS, PLANES, SOLIDS, cube, distorted, made, one_cell, plane_mixture, square
+from tests.lacsolver.bodies import PLANE_MODELS, PLANES, SOLIDS, distorted, made, one_cell, plane_mixture, square
 from tests.problems import case_of, contact, fix, move
 from tests.quality_cells import rotation
 from tests.samples import each_option
@@ -41,19 +41,6 @@ def test_extent_is_the_largest_side_of_the_box():
     space = Space.of(rectangle(2, (1.5, 4.0)), "plane_strain")
     top = np.flatnonzero(space.mesh.points[:, 1] == 4.0)
     assert (space.extent, space.extent_of(top)) == (4.0, 1.5)
-
-
-def test_unknowns_go_node_by_node_of_cells_of_the_models_dimension():
-    """A node of no cell has unknowns but is not attached."""
-    mesh = cube("HEXA8", 1)
-    skin = Mesh.create(mesh.points, [("QUAD4", [[0, 1, 2, 3]]), ("HEXA8", mesh.block("HEXA8")), ("SEG2", [[0, 1]])])
-    space = Space.of(skin, "3d")
-    assert space.n_dof == 24 and space.dofs(np.array([0, 5])).tolist() == [[0, 1, 2], [15, 16, 17]]
-    assert [b.type for b in space.blocks] == ["HEXA8"] and space.cells().tolist() == [1]
-    mesh = Mesh.create([[0, 0], [1, 0], [0, 1], [7, 7]], [("TRIA3", [[0, 1, 2]]), ("POI1", [[3]])])
-    space = Space.of(mesh, "plane_strain")
-    assert space.n_dof == 8 and space.attached.tolist() == [True, True, True, False]
-    assert np.diff(space.pattern.indptr).tolist() == [3, 3, 3, 0]
 
 
 def test_cells_by_group():
