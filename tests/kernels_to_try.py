@@ -17,7 +17,7 @@ from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.bodies.mass import KINDS, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials
-from lacsolver.case import parse_case
+from lacsolver.case import Material, Temperature
 from lacsolver.cli import main
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.tangent import motion_of, tangent
@@ -29,9 +29,9 @@ from lacsolver.results.fields import state_fields
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
-from tests.lacsolver.contact_cases import held
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import above, rigid_modes, stiffness
+from tests.problems import case_of, contact, fix, move
 from tests.surface.surfaces import sheet, whole
 
 DATA = Path(__file__).parent.parent / "data"
@@ -67,20 +67,17 @@ _SOLVED = (
 
 
 def _march(model: str, law: str, cells: str, poisson: float) -> None:
-    dim = 3 if model == "3d" else 2
-    head = f'mesh = "blocks.msh"\nmodel = "{model}"\n' + ('kinematics = "finite"\n' if law else "")
-    head += f"[[material]]\nyoung = 1000.0\npoisson = {poisson}\n" + (f'law = "{law}"\n' if law else "")
-    head += {"plastic": "hardening = [[0.5, 0.0]]\n", "": "expansion = 1e-5\n[[temperature]]\nvalue = 20.0\n"}.get(
-        law, ""
-    )
-    head += '[[contact]]\nslave = "slave"\nmaster = "master"\n' + ('normals = "smoothed"\n' if law else "")
+    dim, up = (3, "z") if model == "3d" else (2, "y")
     mesh = stack(cells, cells, dim, counts=(2, 1))
     if dim == 2:
         mesh = replace(mesh, points=mesh.points + np.array([1.0, 0.0, 0.0]))
-    up = "xyz"[dim - 1]
-    sides = "".join(held(f"{a}0", **{f"u{a}": 0.0}) for a in "xyz"[: dim - 1] if model != "axisymmetric")
-    pressing = held("bottom", **{f"u{up}": 0.0}) + held("top", **{f"u{up}": -0.01})
-    problem = Problem.of(parse_case(head + sides + pressing), mesh)
+    own = {"plastic": {"hardening": [[0.5, 0.0]]}, "": {"expansion": 1e-5}}.get(law, {})
+    material = Material(young=1000.0, poisson=poisson, law=law or "elastic", **own)
+    sides = [fix(f"{a}0", a) for a in "xyz"[: dim - 1] if model != "axisymmetric"]
+    records = material, contact(**{"normals": "smoothed"} if law else {}), *([] if law else [Temperature(value=20.0)])
+    pressing = *sides, fix("bottom", up), move("top", **{f"u{up}": -0.01})
+    case = case_of(mesh, *records, *pressing, model=model, kinematics="finite" if law else "small")
+    problem = Problem.of(case)
     for state in march(problem):
         state_fields(problem, state)
 

@@ -124,7 +124,7 @@ def assert_read(folder, solution):
             np.testing.assert_array_equal(getattr(read.contact[name], own)[order], getattr(zone, own))
 
 
-@each(name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1)
+@each([*(name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1), "halved"])
 def test_a_run_that_goes_on_is_one_that_did_not_stop(name, ran_once):
     """From the state after the first step, to the last bit."""
     done, states = ran_once(name), states_of(name)

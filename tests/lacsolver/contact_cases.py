@@ -14,20 +14,6 @@ from tests.problems import ELASTIC, case_of, fix
 from verification.measures.balance import unbalanced
 
 YOUNG, POISSON = 1000.0, 0.3
-# texts of a case file, for tests of commands and files
-HEAD = """mesh = "blocks.msh"
-model = "{model}"
-[solver]
-threads = 1
-"""
-MATERIAL = f"""[[material]]
-young = {YOUNG}
-poisson = {POISSON}
-"""
-JOINT = """[[contact]]
-slave = "slave"
-master = "master"
-"""
 
 
 def solve(mesh, *records, model="3d", material=ELASTIC, **keys):
@@ -151,25 +137,5 @@ def load(group, value):
     return Pressure(group=group, value=value)
 
 
-def held(group, **values):
-    """A [[displacement]]: a component by name, 0 unless said."""
-    return "".join(["[[displacement]]\n", f'group = "{group}"\n', *(f"{k} = {_said(v)}\n" for k, v in values.items())])
-
-
-def at(place, **values):
-    """A [[displacement]] of the node at a place."""
-    return "".join([f"[[displacement]]\nat = {place}\n", *(f"{k} = {v}\n" for k, v in values.items())])
-
-
-def pressed(group, value):
-    """A [[pressure]]."""
-    return f'[[pressure]]\ngroup = "{group}"\nvalue = {_said(value)}\n'
-
-
-def _said(value):
-    return f'"{value}"' if isinstance(value, str) else repr(value) if not isinstance(value, list) else str(value)
-
-
 #: both blocks slide along their sides x = 0 and y = 0
-SLIDING = held("x0", ux=0.0) + held("y0", uy=0.0)
 SIDES = fix("x0", "x"), fix("y0", "y")

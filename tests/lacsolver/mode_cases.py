@@ -1,7 +1,5 @@
 """Models whose natural modes are known: strips and boxes on rollers, with a group of nodes for each side."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A block fills [0, 1]^d; the lower of a stack is at height 0 to 1, the upper at 1
 `master` between the blocks, `bottom`, `top`, and `x0`, `y0` (`x1`, `y1`) on the sides, over both blocks.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -65,6 +63,17 @@ def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), c
         names |= {f"{a}{e}": f"{a}{e}" for a in "xyz"[: dim - 1] for e in "01"}
         parts.append((mesh, np.eye(3)[dim - 1] * k * (1 + gap) + shift, names))
     return joined(parts)
+
+
+def waves(slave, master, dim, *, gap=0.0, size=0.1, counts=(3, 4), margin=0.15, skew=0.1):
+    """Two blocks that wave, from x = 1 on; the slave, below, stops short of its master's rim by `margin`."""
+    mesh = stack(slave, master, dim, counts=counts, gap=gap, skew=skew)
+    x, up = mesh.points.copy(), dim - 1
+    low = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["lower"])]))
+    x[low, :up] = 0.5 + (1 - 2 * margin) * (x[low, :up] - 0.5)
+    x[:, up] += size * np.sin(2.1 * x[:, :up].sum(axis=1))
+    x[:, 0] += 1.0
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=dim)
 
 
 def three_blocks(kinds=("HEXA8", "TETRA4", "PENTA6 quadrangle")):

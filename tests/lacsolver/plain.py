@@ -87,17 +87,6 @@ def strain(space, u):
     return out
 
 
-def pattern(cells, n_nodes):
-    """indptr, indices of the nodes that share a cell, from the product of incidence matrices."""
-    rows = np.concatenate([np.repeat(np.arange(len(c)), c.shape[1]) for c in cells])
-    start = np.repeat(np.cumsum([0, *(len(c) for c in cells[:-1])]), [c.size for c in cells])
-    nodes = np.concatenate([c.ravel() for c in cells])
-    shared = sp.coo_array((np.ones(len(nodes)), (rows + start, nodes)), shape=(sum(map(len, cells)), n_nodes)).tocsr()
-    made = (shared.T @ shared).tocsr()
-    made.sort_indices()
-    return made.indptr, made.indices
-
-
 def mean_force(space, materials, u, theta=1.0):
     """f (n_dof,) and the energy of a neo-Hookean law, F (e^j / J)^(1/3) for F in every cell."""
     f, energy = np.zeros(space.n_dof), 0.0

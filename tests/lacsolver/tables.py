@@ -1,7 +1,5 @@
 """Tables that a run writes, by column."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

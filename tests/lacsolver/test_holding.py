@@ -1,7 +1,5 @@
 """Warnings of a run: bodies that contact alone holds, and cells that fold between their integration points."""
 
-from __future__ import annotations
-
 import json
 import re
 import warnings

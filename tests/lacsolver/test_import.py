@@ -212,17 +212,6 @@ def test_modes_with_nodal_diameters_are_warned_of(tmp_path):
     assert made.case.steps.last == 1
 
 
-def test_sets_that_overlap_over_steps(tmp_path):
-    """Step 2 changes the force on one node of a set: it replaces that of step 1 there, and leaves the others."""
-    steps = step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{TOP[0]}, 3, 1.\n")
-    made = imported(tmp_path, bodies(COLUMN) + held() + steps)
-    end = {record.group: float(record.fz.at(2.0)) for record in made.case.force}
-    middle = {record.group: float(record.fz.at(1.0)) for record in made.case.force}
-    assert sorted(end.values()) == [1.0, 4.0]
-    assert set(middle.values()) == {4.0}
-    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(TOP)
-
-
 @pytest.mark.parametrize(
     "support, options, ways",
     [
@@ -411,15 +400,6 @@ def test_cylindrical_axes_hold_a_sector(tmp_path):
     np.testing.assert_allclose(np.linalg.norm(u[r == 1], axis=1), 0.01, rtol=1e-9)
 
 
-def test_moments_and_motions_of_a_reference_node(tmp_path):
-    distributing = column(COUPLED + "*DISTRIBUTING\n", "*CLOAD\n999, 4, 3.\n")
-    (record,) = imported(tmp_path, distributing).case.coupling
-    assert [v.at(1.0) for v in record.moment] == [3.0, 0.0, 0.0] and record.at == (0.5, 1.0, 4.0)
-    kinematic = column(COUPLED + "*KINEMATIC\n", "*BOUNDARY\n999, 3, 3, 0.1\n999, 4, 6, 0.\n")
-    (record,) = imported(tmp_path, kinematic).case.coupling
-    assert record.uz.at(1.0) == 0.1 and [v.at(1.0) for v in record.rotation] == [0, 0, 0]
-
-
 def test_a_rotation_about_one_axis(tmp_path):
     """Prescribed about y, free about x under a moment and about z; with NLGEOM a rigid coupling takes it too."""
     loads = "*BOUNDARY\n999, 1, 3\n999, 5, 5, 0.01\n*CLOAD\n999, 4, 3.\n"
@@ -541,13 +521,3 @@ def test_sections_of_several_thicknesses(tmp_path, element):
     assert found.made.case.thickness == {"LOW": 4.0, "thick": 2.0}
     for nodes, length in (([3, 4], 12 / 4), ([7, 8], 12 / 4 + 12 / 2), ([11, 12], 2 / 2)):
         np.testing.assert_allclose(found.u(nodes)[:, 1], length / E, rtol=1e-9)
-
-
-def test_names_of_sides_and_supports(tmp_path):
-    """Supports keep the names of their sets; a set of elements that has the name of a surface keeps its own."""
-    deck = COLUMN.text() + "*SURFACE, NAME=B\nB_EZ1, S2\n" + section() + held() + step("*DSLOAD\nB, P, 20.\n")
-    found = solved(tmp_path, deck)
-    assert {record.group for record in found.made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
-    (pressure,) = found.made.case.pressure
-    assert len(found.made.mesh.cell_groups[pressure.group]) == 2
-    assert np.allclose(found.u(TOP)[:, 2], -20 / E * 3)

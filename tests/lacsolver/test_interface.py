@@ -1,7 +1,5 @@
 """Interfaces: rows, gaps and measures against closed forms, balance, ties, tractions, zones, numbers."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache
@@ -13,15 +11,11 @@ import lacmesh
 import lacsolver as ls
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.contact import Pairing, Zone, integrate
-from lacsolver.contact.interface import positions
 from lacsolver.contact.shear import first_directions
-from tests.lacsolver.finite_cases import waves
-from tests.lacsolver.patch_meshes import placed, stack, three_blocks
+from tests.lacsolver.patch_meshes import placed, stack, three_blocks, waves
 from tests.problem_meshes import nodes_of
 from tests.samples import each_option
-from verification.meshes.stacks import tilt
 
 #: (slave, master, dimension): every family of faces, linear and quadratic
 PAIRS = [
@@ -36,8 +30,7 @@ EVERY = [
     *PAIRS, ("TRIA3", "QUAD9", 2), ("QUAD8", "TRIA6", 2), ("PENTA6 triangle", "HEXA20", 3), ("HEXA20", "TETRA10", 3)
 ]  # fmt: skip
 MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
-ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
-FAR, RUBBED = Pairing(search_distance=0.5), Pairing(search_distance=0.5, friction=True)
+FAR = Pairing(search_distance=0.5)
 
 
 @cache
@@ -99,40 +92,6 @@ def test_forces_and_moments_balance(pair, measure, normals, margin):
 # ---- gaps and measures
 
 
-@ALL
-def test_the_gap_to_a_sloping_plane(slave, master, dim):
-    """g = 0.2 + 0.1 x - 0.05 y: its mean over a flat macro-element is that at its centroid."""
-    mesh = stack(slave, master, dim, skew=0.1)
-    x, high = mesh.points.copy(), nodes_of(mesh, "upper")
-    slope = np.array([0.1, -0.05, 0.0])[:dim]
-    slope[dim - 1] = 0.0
-    x[high, dim - 1] += 0.2 + x[high][:, :dim] @ slope
-    _, zone = zone_of(replace(mesh, points=x))
-    face = integrate(zone, dim, FAR)
-    np.testing.assert_allclose(face.coverage, 1.0, rtol=1e-12)
-    at = positions(zone.slave, face.points)[:, :dim] @ slope
-    mean = np.bincount(face.points.macro, face.weight * at) / face.w
-    np.testing.assert_allclose(face.gap, 0.2 + mean, rtol=1e-11)
-    if FACE_TYPES[zone.slave.faces.type[0]] in ("SEG2", "SEG3", "TRIA3", "TRIA6"):
-        np.testing.assert_allclose(face.gap, 0.2 + face.centre @ slope, rtol=1e-11)
-    np.testing.assert_allclose(face.G, face.gap * face.area, rtol=1e-11)
-
-
-@pytest.mark.parametrize("measure", ["reference", "current"])
-@pytest.mark.parametrize("slave, master, dim", PAIRS[:4])
-def test_measures_of_a_slave_that_has_stretched(slave, master, dim, measure):
-    """Both skins twice as wide along x, and turned: the current measure is double, the nominal one as it was."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.1, skew=0.1))
-    x = (mesh.points * [2.0, 1.0, 1.0]) @ tilt(dim).T
-    before = integrate(zone, dim, FAR)
-    after = integrate(zone, dim, Pairing(search_distance=0.5, measure=measure), x=x)
-    size = 2.0 if measure == "current" else 1.0
-    np.testing.assert_allclose(after.area, size * before.area, rtol=1e-12)
-    np.testing.assert_allclose(after.w, size * before.w, rtol=1e-10)
-    np.testing.assert_allclose(after.gap, 0.1, rtol=1e-11)
-    np.testing.assert_allclose(after.coverage, 1.0, rtol=1e-10)
-
-
 @pytest.mark.parametrize("measure", MEASURES)
 def test_measures_about_an_axis(measure):
     """Rings of 2 pi r: of a slave at x in [1, 2], moved out by 1."""
@@ -165,31 +124,6 @@ def test_a_clearance_is_that_of_the_undeformed_place(clearance, wanted):
 
 
 # ---- ties
-
-
-@pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3), ("TETRA4", "HEXA8", 3)])
-@pytest.mark.parametrize("gap", [0.0, 0.1])
-def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
-    """Also across a gap: the moment arm of the rotation is part of the jump."""
-    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=gap, skew=0.1), tilt(dim)))
-    face = integrate(zone, dim, FAR, tie=True)
-    assert face.B.shape == (dim * zone.n_macros, dim * mesh.n_nodes) and (face.G == 0).all()
-    np.testing.assert_allclose(face.w, face.area, rtol=1e-12)
-    assert_no_work(face.B, mesh.points, dim, 1e-13)
-
-
-@ALL
-def test_the_rows_of_a_tie_are_the_jump_and_those_of_friction_the_slip(slave, master, dim):
-    """A master that moves away along each axis: minus its motion, w times; its parts along the tangents are slip."""
-    motion = np.array([0.5, -1.0, 2.0])[:dim]
-    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=0.0, skew=0.1), tilt(dim)))
-    v, face, tie = uniform(mesh, "master", motion), integrate(zone, dim, RUBBED), integrate(zone, dim, FAR, tie=True)
-    np.testing.assert_allclose((tie.B @ v).reshape(-1, dim), -tie.w[:, None] * motion, rtol=1e-11)
-    size = np.einsum("mas,mbs->mab", face.frame, face.frame)
-    np.testing.assert_allclose(size, np.tile(np.eye(dim - 1), (zone.n_macros, 1, 1)), atol=1e-12)
-    np.testing.assert_allclose(
-        (face.B_T @ v).reshape(-1, dim - 1), -face.w[:, None] * (face.frame @ motion), atol=1e-12
-    )
 
 
 # ---- tractions

@@ -1,7 +1,5 @@
 """Hard problems in other units, turned, mirrored, far away; contacts of two sizes; motions that change nothing."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache

@@ -2,8 +2,6 @@
 
 SciPy's SuperLU serves in the place of rslab where that cannot be loaded or fails: it is said once, and runs go on."""
 
-from __future__ import annotations
-
 import doctest
 import itertools
 import re
@@ -106,12 +104,7 @@ def test_any_storage(backend, form):
     K, modes = held("hexahedra")
     coo = K.tocoo()
     half = csr_array((np.tile(coo.data / 2, 2), (np.tile(coo.row, 2), np.tile(coo.col, 2))), shape=K.shape)
-    made = {
-        "bsr": K.tobsr((3, 3)),
-        "csc": csc_array(K),
-        "unsorted": K[:, ::-1][:, ::-1],
-        "doubled": half,
-    }[form]
+    made = {"bsr": K.tobsr((3, 3)), "csc": csc_array(K), "unsorted": K[:, ::-1][:, ::-1], "doubled": half}[form]
     kept = made.copy()
     b = sides(K.shape[0])
     x = solver(made, modes, backend).factor(made).solve(b)

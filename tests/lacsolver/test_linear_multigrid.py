@@ -2,8 +2,6 @@
 
 Stiffness as blocks of whole nodes: against what it stands for entry by entry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import block_diag, bsr_array, csr_array, diags_array, random_array

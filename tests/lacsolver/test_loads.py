@@ -1,7 +1,5 @@
 """Loads and springs: their work against exact integrals, their derivatives against differences, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,21 +9,19 @@ from lacmesh import Mesh, join
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.generate import box, rectangle
-from lacmesh.reference.quadrature import measure
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-from lacsolver.case import CaseError, Dynamics, Initial, Material, Rigid, Spring, Steps
+from lacsolver.case import CaseError, Material, Rigid, Spring, Steps
 from lacsolver.distributed.share import Share
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem import loads
 from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
-from lacsolver.space.values import evaluate, evaluate_vector
+from lacsolver.space.values import evaluate_vector
 from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
-from tests.lacsolver.moving import unbalanced
 from tests.lacsolver.test_finite import by_differences
 from tests.problems import case_of
 from tests.quality_cells import rotation
@@ -83,17 +79,6 @@ def test_a_pressure_on_one_side_pushes_into_the_body_however_the_side_is_listed(
         np.testing.assert_allclose(loads.pressure(space, np.array([1]), 3.0), [0, 0, 0, 0, 0, -1.5, 0, -1.5])
 
 
-@EVERY
-def test_a_follower_is_the_pressure_on_the_deformed_mesh(name, model):
-    space, skin = curved(name, model)
-    move = np.random.default_rng(2).uniform(-0.05, 0.05, space.mesh.points.shape) * [1, 1, space.dim == 3]
-    there = space.mesh.points + move
-    deformed = Mesh.create(there, space.mesh.blocks, space_dim=space.mesh.space_dim)
-    thickness = space.thickness if model == "plane_stress" else None
-    expected = loads.pressure(Space.of(deformed, model, thickness=thickness), skin, 2.0)
-    np.testing.assert_allclose(loads.pressure(space, skin, 2.0, x=there), expected, atol=1e-14)
-
-
 def faces_of(row):
     """The kinds of faces that are pressed, each in its model, and the pressure."""
     name, model, value = row
@@ -102,8 +87,7 @@ def faces_of(row):
 
 @pytest.mark.rows("QUAD4-axisymmetric-3.0", "QUAD8-plane_strain-varying")
 @pytest.mark.parametrize(
-    ("name", "model", "value"),
-    each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of),
+    ("name", "model", "value"), each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of)
 )
 def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
     space, skin = curved(name, model)
@@ -148,14 +132,6 @@ def test_a_traction_along_the_normal_is_a_pressure(name, model):
     np.testing.assert_allclose(loads.traction(space, skin, parts, t=3.0), whole, atol=1e-13 * np.abs(whole).max())
 
 
-def test_a_traction_on_a_parabola_has_its_length():
-    points = np.array([[1, 0], [2, 0], [1, 1], [1.5, 0], [1.6, 0.7], [1, 0.5]])
-    mesh = Mesh.create(points, [("TRIA6", [np.arange(6)]), ("SEG3", [[1, 2, 4]])])
-    exact = measure("SEG3", mesh.points[[[1, 2, 4]]], degree=60)[0]
-    found = loads.traction(Space.of(mesh, "plane_strain"), np.array([1]), (1.0, 0.0)).sum()
-    assert found == pytest.approx(exact, abs=1e-5)
-
-
 # ---- loads in bodies and at nodes
 
 
@@ -172,24 +148,6 @@ def test_the_work_of_a_body_force_of_which_weight_is_one(name, model):
     np.testing.assert_allclose(weight, f, rtol=0, atol=1e-13 * np.abs(f).max())
 
 
-@EACH_MODEL
-def test_gravity_of_two_densities_and_its_moment(model):
-    mesh = mixture("2") if model == "3d" else plane_mixture("2")
-    groups = {"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)}
-    space = Space.of(Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, space_dim=mesh.space_dim), model)
-    materials = Materials.of(space, [(LAW, ("a",)), (Elastic(1.0, 0.0), ("b",))])
-    f = loads.gravity(space, materials, (0.0, lambda x, t: t + 0 * x[:, 0], 0.0)[: space.dim], t=2.0)
-    weight = moment = 0.0
-    for block, x, w in zip(space.blocks, assemble.points(space, 8), assemble.weights(space, 8), strict=True):
-        heavy = (block.cell % 2 == 0)[:, None] * w
-        weight, moment = weight + heavy.sum(), moment + (heavy * x[..., 0]).sum()
-    fy = f.reshape(-1, space.dim)[:, 1]
-    assert fy.sum() == pytest.approx(14 * weight, rel=1e-12)
-    assert fy @ space.mesh.points[:, 0] == pytest.approx(14 * moment, rel=1e-12)
-    with pytest.raises(DataError, match="needs a density"):
-        loads.gravity(space, Materials.of(space, Elastic(1.0, 0.0)), (0.0,) * space.dim)
-
-
 @EVERY
 def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
     space, skin = curved(name, model)
@@ -203,14 +161,6 @@ def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
     ):
         f = load(space)
         np.testing.assert_allclose(load(mirror), flip * f, rtol=0, atol=1e-13 * np.abs(f).max())
-
-
-def test_nodal_forces_and_springs_stand_at_their_nodes():
-    space = Space.of(square_with_skin(), "plane_strain")
-    f = loads.nodal_force(space, np.array([2, 0, 2]), (lambda x, t: t * x[:, 0], 5.0), t=2.0)
-    assert f.tolist() == [2, 5, 0, 0, 4, 5, 0, 0]
-    S = loads.springs(space, np.array([1, 3]), (4.0, lambda x, t: t * x[:, 0]), t=3.0)
-    np.testing.assert_array_equal(S.toarray(), np.diag([0, 0, 4, 6, 0, 0, 4, 3]))
 
 
 # ---- warmth
@@ -307,6 +257,8 @@ def bare():
         (square_with_skin, lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "has 1 components"),
         (square_with_skin, lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"\(3, 2\)"),
         (square_with_skin, lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "and is -2"),
+        (square_with_skin, lambda s: loads.gravity(s, Materials.of(s, Elastic(1.0, 0.0)), (0.0, 1.0)), DataError,
+         "needs a density"),
         (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "exactly one cell"),
         (bare, lambda s: loads.traction(s, np.array([1]), (1.0, 0.0)), DataError, "cells 2 have"),
         (bare, lambda s: loads.nodal_force(s, np.array([0, 3]), (1.0, 0.0)), DataError, "at nodes 40"),
@@ -318,14 +270,6 @@ def bare():
 def test_a_wrong_load_is_refused(mesh, load, error, words):
     with pytest.raises(error, match=words):
         load(Space.of(mesh(), "plane_strain"))
-
-
-def test_a_value_is_a_number_or_a_function():
-    x = np.arange(12.0).reshape(2, 2, 3)
-    assert evaluate(2, x, 0.0, "it").tolist() == [[2, 2], [2, 2]]
-    assert evaluate(lambda p, t: p[:, 1] + t, x, 1.0, "it").tolist() == [[2, 5], [8, 11]]
-    assert evaluate(lambda p, t: 3.0, x, 1.0, "it").tolist() == [[3, 3], [3, 3]]
-    assert evaluate_vector((1.0, lambda p, t: p[:, 0]), x, 0.0, 2, "it")[..., 1].tolist() == [[0, 3], [6, 9]]
 
 
 # ---- springs between two nodes
@@ -362,17 +306,6 @@ def moved(problem):
 
 
 FIXED = Rigid(group="a"), Rigid(group="c")
-
-
-def test_two_springs_in_series():
-    """A body on a spring to the ground, and another one on a spring to it: each spring has the force behind it."""
-    records = Rigid(group="a", fx=0.1, fy=-0.2), Rigid(group="b", fx=0.4, fy=0.3), Rigid(group="c")
-    records += spring("a", kx=2.0, ky=3.0), spring("b", "a", kx=5.0, ky=7.0)
-    _, u, energy = moved(problem_of(*records, model="plane_stress", kinematics="finite", thickness=0.3))
-    one = np.array([0.5 / 2.0, 0.1 / 3.0])
-    two = np.add(one, [0.4 / 5.0, 0.3 / 7.0])
-    np.testing.assert_allclose(u[[0, 4]], [one, two], rtol=1e-9)
-    assert energy == pytest.approx(0.5 * ([0.1, -0.2] @ one + [0.4, 0.3] @ two), rel=1e-9)
 
 
 def test_full_circle_of_a_ring():
@@ -455,19 +388,6 @@ def test_a_spring_on_a_line_leaves_all_free_but_the_distance():
     assert len(free) == 5, [describe(motion) for motion in free]
     for motion in free:
         np.testing.assert_allclose(K @ motion.field, 0, atol=1e-12)
-
-
-def test_bodies_that_a_spring_joins_keep_their_momentum_and_energy():
-    """Two bodies that fly and turn about one another on a spring: what it stores is in the account of energy."""
-    thrown = Initial(groups=["b"], vx=0.4, vy=-0.3), Initial(groups=["c"], vy=0.5, vz=0.2)
-    records = Rigid(group="a"), spring("b", "c", k=30.0), Dynamics(alpha=0.0), *thrown, Steps(end=0.4, count=8)
-    problem = problem_of(*records, kinematics="finite")
-    states = [state for state in march(problem) if state.step.motion is not None]
-    motions = [state.step.motion for state in states]
-    assert unbalanced(motions) < 1e-9
-    stored = np.array([LineSprings(problem.space, np.array([[8, 16]]), np.array([30.0])).energy(s.u) for s in states])
-    assert stored.max() > 1e-2
-    np.testing.assert_allclose(motions[-1].linear, motions[0].linear, atol=1e-9)
 
 
 def test_several_processes_refuse_springs_between_nodes():

@@ -1,7 +1,5 @@
 """Files of a run: its tables, its fields as VTU and MED as other programs find them."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

@@ -1,7 +1,5 @@
 """Output of a run: when it is written, into which folder, and the fate of what is already there."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

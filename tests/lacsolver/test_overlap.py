@@ -2,8 +2,6 @@
 with defects that would silently give a wrong answer.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import re
@@ -102,20 +100,6 @@ def test_a_wavy_gap_is_closed_exactly(slave, master, hexa):
     np.testing.assert_allclose(here[:, dim - 1].max(), there.max(), atol=1e-12)
     if slave in ("HEXA8", "TETRA4", "HEXA27") and hexa == "pyramid":  # no nodes inside cells: as if it was never wavy
         np.testing.assert_allclose(here, there, atol=1e-12)
-
-
-@pytest.mark.rows("TETRA10-ways1")
-@pytest.mark.parametrize(("slave", "ways"), [("HEXA8", (-1.0, 1.0)), ("TETRA10", (1.0,))])
-def test_finite_kinematics_start_unstrained(slave, ways):
-    """Columns under large strain, that overlapped or were apart, are those of a mesh that is flat from the start."""
-    flat, *states = (
-        list(march(Problem.of(pressed(mesh, contact(adjust=0.021), kinematics="finite", value=300.0, count=3))))[-1]
-        for stacked in [stack(slave, "HEXA8", 3, counts=(2, 1))]
-        for mesh in (stacked, *(wavy(stacked, up=up) for up in ways))
-    )
-    for state in states:
-        np.testing.assert_allclose(state.zones[0].pressure, flat.zones[0].pressure, rtol=1e-9)
-        assert np.abs(state.u).max() > 0.2
 
 
 def test_figures_of_the_adjustment(tmp_path):
@@ -360,17 +344,6 @@ def test_a_slave_that_hardly_has_a_master_is_told(tmp_path):
     closed, apart = (replace(mesh, points=mesh.points + [0, up, 0] * below) for up in (0.005, -0.01))
     assert ran(of(closed, "finite"), tmp_path / "closed")[2] == ""
     assert ran(of(apart, "finite"), tmp_path / "open")[2].startswith(said)
-
-
-@pytest.mark.parametrize(
-    ("slave", "master"), [("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA6 quadrangle", "HEXA8")]
-)
-def test_blocks_that_lie_in_one_another_are_refused_and_parted_on_demand(slave, master):
-    mesh = stack(slave, master, 3, gap=-0.7, even=True)
-    with pytest.raises(CaseError, match=r"by up to 0\.7, near"):
-        solved(of(mesh))
-    zone = solved(of(mesh, max_penetration=0.8))
-    assert (zone.status != UNPAIRED).all() and (zone.pressure > 0).all()
 
 
 @pytest.mark.parametrize(

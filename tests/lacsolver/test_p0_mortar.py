@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import Mesh, Surface
-from lacsolver import Case
-from lacsolver.case import Displacement, Material
+from lacmesh import Surface
+from lacmesh.generate import line, rectangle
+from lacsolver.case import Material
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.laws import Unilateral
@@ -26,19 +26,13 @@ from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.tolerances import ConvergenceTolerance
+from tests.problems import case_of, fix
 
 
 def pad(n):
     """A pad of n x n/2 QUAD4 over -1 <= x <= 1, y <= 0; its upper side is the slave, one rigid segment the master."""
-    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 0, n // 2 + 1))
-    points = np.concatenate([np.stack([x.ravel(), y.ravel()], axis=1), [[-1, 0], [1, 0]]])
-    number = np.arange(x.size).reshape(x.shape)
-    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
-    sides = {"slave": number[-1], "bottom": number[0], "left": number[:, 0], "right": number[:, -1]}
-    segments = [np.stack([line[:-1], line[1:]], axis=1) for line in sides.values()] + [[[x.size, x.size + 1]]]
-    ends = len(cells) + np.cumsum([0, *map(len, segments)])
-    groups = {name: np.arange(a, b) for name, a, b in zip([*sides, "master"], ends[:-1], ends[1:], strict=True)}
-    return Mesh.create(points, [("QUAD4", cells), ("SEG2", np.concatenate(segments))], cell_groups=groups)
+    body = rectangle((n, n // 2), (2, 1), corner=(-1, -1)).renamed(top="slave")
+    return lacmesh.join(body, line(1, (-1, 0), (1, 0)).renamed(body="master"))
 
 
 def crown(x, t):
@@ -48,13 +42,8 @@ def crown(x, t):
 
 def held(mesh):
     """The pad in its frame, without any contact."""
-    case = Case(
-        mesh="pad.msh",
-        model="plane_strain",
-        material=[Material(young=1.0, poisson=0.3)],
-        displacement=[Displacement(group=name, ux=0.0, uy=0.0) for name in ("bottom", "left", "right")],
-    )
-    return ReducedProblem(Problem.of(case, mesh))
+    sides = (fix(name, "xy") for name in ("bottom", "left", "right"))
+    return ReducedProblem(Problem.of(case_of(mesh, Material(young=1.0, poisson=0.3), *sides, model="plane_strain")))
 
 
 def p0_mortar(mesh):
@@ -104,7 +93,7 @@ def inf_sup(mesh, stage):
 
 
 def uncut_and_cut(n):
-    """A mesh of n faces and its cut, each with the contact of the tutorial on it."""
+    """A mesh of n faces and its cut, each with its own rows of contact."""
     mesh = pad(n)
     return (mesh, p0_mortar), (lacmesh.cut_skin(mesh, "slave").mesh, lac)
 

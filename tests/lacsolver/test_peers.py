@@ -1,7 +1,5 @@
 """The cylinder on a block that contact codes are compared on (`benchmarks/peers`): our errors against theirs."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

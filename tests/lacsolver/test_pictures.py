@@ -1,7 +1,5 @@
 """Pictures and films of contact and of natural modes: what they are made of, and that they are drawn, from a folder."""
 
-from __future__ import annotations
-
 import io
 import math
 from dataclasses import replace
@@ -57,7 +55,7 @@ def picture(folder, field="pressure", **options):
     return ContactPicture.of(solution.mesh, solution.fields, field, **options)
 
 
-def axes_of(drawn, path, label="length along"):
+def axes_of(drawn, label="length along"):
     """The figure's frames with a profile, or with the bodies (label "y")."""
     frames = drawn.figure().axes
     return [ax for ax in frames if label in (ax.get_ylabel(), ax.get_xlabel()[: len(label)])]
@@ -110,9 +108,6 @@ def modes(tmp_path_factory):
     return folder / "case_modes"
 
 
-# ---- in the plane
-
-
 def test_a_plane_model_is_drawn_by_the_command_as_by_python(disc, tmp_path):
     """Half a circle touches half of a line: what has closed limits how far displacements are magnified."""
     assert main(["plot", str(disc), "--time", "1", "--field", "recovered", "-o", str(tmp_path / "p.png"), "-q"]) == 0
@@ -133,7 +128,7 @@ def test_displacements_are_magnified_as_far_as_bodies_do_not_overlap(u, closed, 
     assert magnification(bar, np.array([[0.0, 0, 0], [u, 0, 0]]), **options) == times
 
 
-def test_the_profile_is_the_pressure_along_the_skin(disc, tmp_path):
+def test_the_profile_is_the_pressure_along_the_skin(disc):
     zone = ls.read_results(disc).solution().contact["joint"]
     x, p = zone.surface.x, zone.pressure
     ends = zone.surface.faces.nodes[:, :2]
@@ -147,12 +142,12 @@ def test_the_profile_is_the_pressure_along_the_skin(disc, tmp_path):
         ("pressure", {"macro-elements": p, "recovered": zone.pressure_recovered}),
         ("gap", {"macro-elements": zone.gap}),
     ):
-        (profile,) = axes_of(picture(disc, field), tmp_path)
+        (profile,) = axes_of(picture(disc, field))
         curves = {line.get_label(): np.nanmax(line.get_ydata()) for line in profile.lines}
         assert curves == {name: pytest.approx(np.nanmax(values)) for name, values in wanted.items()}
 
 
-def test_zoomed_pictures_show_the_surroundings_of_each_contact(disc, tmp_path):
+def test_zoomed_pictures_show_the_surroundings_of_each_contact(disc):
     """Two contacts at the ends of a body have a frame each."""
     solution = ls.read_results(disc).solution()
     zone = solution.contact["joint"]
@@ -167,15 +162,12 @@ def test_zoomed_pictures_show_the_surroundings_of_each_contact(disc, tmp_path):
     assert pressed_window([none], zone.surface.x) is pressed_span(none) is None
     zones = {"joint": zone, "far": replace(zone, pressure=zone.pressure[::-1].copy())}  # the other end is pressed
     drawn = ContactPicture.of(solution.mesh, replace(solution.fields, zones=zones), "pressure", zoom=True)
-    for ax, one in zip(axes_of(drawn, tmp_path, "y"), zones.values(), strict=True):
+    for ax, one in zip(axes_of(drawn, "y"), zones.values(), strict=True):
         window = pressed_window([one], zone.surface.x + drawn.u)
         assert np.allclose([ax.get_xlim(), ax.get_ylim()], window.T[:2])
 
 
-# ---- friction, and colours
-
-
-def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp_path):
+def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared):
     from matplotlib.quiver import Quiver
 
     drawn = picture(sheared)
@@ -216,9 +208,6 @@ def test_the_range_of_a_curve_is_widened_where_its_values_differ_by_round_off():
         level_out(axes, np.array(values))
         assert (axes.get_ylim() != before) == widened
         assert np.ptp(axes.get_ylim()) >= 4e-6 and (not widened or np.ptp(axes.get_ylim()) < 1e-5)
-
-
-# ---- in space
 
 
 @pytest.mark.slow
@@ -357,9 +346,6 @@ def test_a_ball_is_seen_from_two_sides(kind):
     assert views[0].words != views[1].words
 
 
-# ---- requests
-
-
 @pytest.mark.slow
 def test_a_run_draws_and_says_so(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -401,14 +387,11 @@ def test_fields_are_read_and_exported_whatever_the_format(tmp_path, capsys):
     one, other = (lacmesh.read(place / "results.med") for place in (folder, in_med))
     assert one.steps == other.steps and one.node_data.keys() == other.node_data.keys()
     assert all(np.array_equal(one.node_data[k], other.node_data[k], equal_nan=True) for k in one.node_data)
-    for words, status, says in (
-        (["--to", "med"], 2, "exists already"),
-        (["--to", "med", "-o", "a.vtu"], 2, "exported as .med"),
-        ([], 2, "exists already"),
-        (["--to", "inp"], 2, "name its CASE.toml"),
-        (["--partial"], 2, "leave it out"),
-    ):
-        assert main(["export", str(folder), *words]) == status and says in capsys.readouterr().err
+    for words, says in (
+        (["--to", "med"], "exists already"), (["--to", "med", "-o", "a.vtu"], "exported as .med"),
+        ([], "exists already"), (["--to", "inp"], "name its CASE.toml"), (["--partial"], "leave it out"),
+    ):  # fmt: skip
+        assert main(["export", str(folder), *words]) == 2 and says in capsys.readouterr().err
 
 
 def test_units_are_words_alone(plane):
@@ -518,9 +501,6 @@ def test_the_scale_has_zero_and_the_values_of_either_sign(values, log, ends):
     frame = Frame(0.0, np.zeros((len(values), 3)), np.array(values), "")
     scale = ColourScale("", **_ends(None, log, Frames(None, (frame,)).span))
     assert (scale.low, scale.high) == ends
-
-
-# ---- films: requests and files
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Metals that yield: the law at a point against differences and exact solutions, bars, cells, output and restarts."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bolts that are tightened: columns in closed form on all cells, moments of a bent bolt, sections that are refused."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace
@@ -15,17 +13,7 @@ from lacmesh import join
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.generate import box, rectangle
-from lacsolver.case import (
-    CaseError,
-    Displacement,
-    Dynamics,
-    Material,
-    Pressure,
-    Pretension,
-    Rigid,
-    Steps,
-    Traction,
-)
+from lacsolver.case import CaseError, Displacement, Dynamics, Material, Pressure, Pretension, Rigid, Steps, Traction
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
@@ -267,7 +255,7 @@ def far_sides(mesh):
         (lambda mesh: mesh, {"normal": (1, 0, 0)}, "lies in the section"),
         (a_part, {"group": "part"}, "sides share nodes"),
         (far_sides, {"group": "far"}, "surface of a body"),
-        (lambda mesh: lacmesh.cut_skin(mesh, "end").mesh, {}, "before it is cut"),
+        (lambda mesh: lacmesh.cut_skin(mesh, "end").mesh, {}, "split first"),
     ],
 )
 def test_sections_that_are_refused(make, keys, words):

@@ -3,11 +3,8 @@
 A mesh is recognised by its digest, which parts of it, in several processes, have together.
 """
 
-from __future__ import annotations
-
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -25,7 +22,7 @@ import lacsolver as ls
 from lacmesh import Mesh, cut_skin, example
 from lacmesh.errors import DataError
 from lacmesh.partition import cut_part, distribute_nodes, part_of
-from lacsolver import Contact, Material, Rigid, Solver, Steps, run
+from lacsolver import Contact, Rigid, Steps, run
 from lacsolver.case import fingerprint
 from lacsolver.cli import main
 from lacsolver.distributed.mesh_digest import ROWS, row_sums
@@ -33,8 +30,7 @@ from lacsolver.output.states import read_state
 from tests.lacsolver.patch_meshes import three_blocks
 from tests.lacsolver.tables import table
 from tests.meshes import random_mesh
-from tests.problem_meshes import punch
-from tests.problems import ELASTIC, case_of, contact, fix, move
+from tests.problems import ELASTIC, case_of, contact, move
 
 #: its slave is finer than its master, which is said
 pytestmark = pytest.mark.filterwarnings("ignore:pressures of contact 'foot' alternate")
@@ -48,20 +44,6 @@ SEVERAL = (
     ls.Spring(group="master2", kx=50.0, ky=50.0, kz=2.0),
     Rigid(group="top", fz="-3 * sin(t)", fx="0.1 * t", moment=[0.0, "0.2 * t", 0.0]),
 )
-FLOOR, SMOOTHED = fix("bottom", "xy"), contact(geometry="current", normals="smoothed")
-#: two skins that are paired again and again, over a slave that slides
-SLIDING = (ELASTIC, SMOOTHED, FLOOR, Rigid(group="top", ux="0.05 * t", uy="-0.04 * sin(t)"))
-#: a body that goes over its master's faces, finite: pressed down, then along
-FAR = (
-    *(Material(young=1000.0, poisson=0.3, law="neo_hookean"), contact(normals="smoothed"), FLOOR),
-    Rigid(group="top", ux=[[1, 0], [3, 0.4]], uy=[[0, 0], [1, -0.08]], rotation="0.02 * t"),
-)
-#: model, keys at the top of the case, records, and a zone that opens and closes
-PROBLEMS = {
-    "several": ("3d", {}, SEVERAL, "foot"),
-    "sliding": ("plane_strain", {}, SLIDING, "slave"),
-    "far": ("plane_strain", {"kinematics": "finite"}, FAR, ""),
-}
 
 
 @cache
@@ -69,83 +51,23 @@ def blocks():
     return three_blocks(("HEXA8", "TETRA4", "PENTA6 quadrangle"))
 
 
-def six(name, end=3.0, count=6):
-    """The case of a problem, in six steps unless other numbers are given."""
-    model, keys, records, _ = PROBLEMS[name]
-    return case_of(blocks() if model == "3d" else punch(), *records, Steps(end=end, count=count), model=model, **keys)
-
-
-def on(whole, folder, output, since=None, **options):
-    """Run a case from a state in a folder on."""
-    return run(whole, output, start=read_state(folder, whole, since, mesh=whole.mesh), **options)
+def several(end=3.0, count=6):
+    """The case of several joints, in six steps unless other numbers are given."""
+    return case_of(blocks(), *SEVERAL, Steps(end=end, count=count), model="3d")
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """The folder with the results of the whole run of a problem, which is made once."""
-
-    @cache
-    def folder(name):
-        run(six(name), output := tmp_path_factory.mktemp(name) / "whole")
-        return output
-
-    return folder
+    """The folder with the results of the whole run."""
+    run(several(), output := tmp_path_factory.mktemp("several") / "whole")
+    return output
 
 
 def results(folder):
     return json.loads((folder / "results.json").read_text())
 
 
-def assert_same(found, wanted, since=0.0):
-    """Tables and results of a folder are those of another one after a time, to the last digit."""
-    for path in wanted.glob("*.csv"):
-        head, *rows = path.read_text().splitlines()
-        after = [row for row in rows if float(row.split(",")[0]) > since]
-        assert after and (found / path.name).read_text().splitlines() == [head, *after]
-    one, other = results(found), results(wanted)
-    assert one["steps"] == [step for step in other["steps"] if step["time"] > since] and one["status"] == "done"
-    assert {k: one[k] for k in ("contact", "stress", "energy")} == {
-        k: other[k] for k in ("contact", "stress", "energy")
-    }
-
-
-# ---- goes on
-
-
-@pytest.mark.rows("several")
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_a_run_goes_on_from_any_state_to_the_last_bit(ran, tmp_path, name):
-    """Elsewhere and in the same folder; from the last state there is nothing left to do."""
-    whole, zone = six(name), PROBLEMS[name][3]
-    for since in (0.5, 2.5):
-        on(whole, ran(name), tmp_path / f"from {since}", since)
-        assert_same(tmp_path / f"from {since}", ran(name), since)
-        for time in (since + 0.5, 3.0):
-            one, other = (read_state(d, whole, time, mesh=whole.mesh) for d in (tmp_path / f"from {since}", ran(name)))
-            assert one.number == other.number
-            for a, b in zip((one.u, *one.step.iterate[1:3]), (other.u, *other.step.iterate[1:3]), strict=True):
-                np.testing.assert_array_equal(a, b)
-    if name == "several":
-        assert list(one.multipliers) == ["foot", "glue"] and one.multipliers["glue"].shape[1] == 3
-        assert one.rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
-        again = shutil.copytree(ran(name), tmp_path / "again")
-        on(whole, again, again, 1.0, force=True)
-        assert_same(again, ran(name))
-    if zone:
-        rows = table(ran(name) / f"contact_{zone}.csv")  # which changes before the restart and after it
-        closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]
-        assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1
-    assert on(whole, ran(name), tmp_path / "nothing").steps == ()
-
-
-@pytest.mark.slow
-def test_a_halved_step_stays_as_short(tmp_path):
-    pressed = ELASTIC, SMOOTHED, FLOOR, Rigid(group="top", ux=0.0, uy="-0.04 * t")
-    whole = case_of(punch(), *pressed, Steps(end=1.0, growth=1.0), Solver(max_iterations=4), model="plane_strain")
-    times = [step.time for step in run(whole, tmp_path / "whole").steps]
-    assert len(times) > 2 and times[0] < 0.5
-    then = on(whole, tmp_path / "whole", tmp_path / "then", times[0])
-    assert then.steps[0].time == pytest.approx(times[1], rel=1e-12)
+# ---- goes on; that it does to the last bit is a law of the corpus (test_laws.py), its files are in test_output_writer
 
 
 @pytest.mark.rows("15-143-terminated")
@@ -156,7 +78,7 @@ def test_the_command_goes_on_after_it_was_stopped(ran, tmp_path, monkeypatch, nu
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
     lacmesh.write("blocks.msh", blocks())
-    case = replace(six("several"), mesh="blocks.msh")
+    case = replace(several(), mesh="blocks.msh")
     case.write("case.toml")
     words = [sys.executable, "-m", "lacsolver", "run", "case.toml", "-o", "out"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -170,6 +92,7 @@ def test_the_command_goes_on_after_it_was_stopped(ran, tmp_path, monkeypatch, nu
     assert read_state(tmp_path / "out", case).time == last
     assert not [path for path in (tmp_path / "out").rglob(".*") if path.is_file()]
     assert main(["run", "case.toml", "--restart", "out", "-o", "out", "-q"]) == 0
+    assert (read_state("out", case).time, read_state("out", case).number) == (3.0, 6)
     assert main(["run", "case.toml", "--restart", "out", "--from", "2.5", "-o", "last", "-q"]) == 0
     assert [step["time"] for step in results(tmp_path / "last")["steps"]] == [3.0]
     run(case, tmp_path / "whole")
@@ -197,7 +120,7 @@ def test_a_state_of_another_case_is_refused(ran, part):
     records = [replace(record, **change) if j == k else record for j, record in enumerate(SEVERAL)]
     other = case_of(blocks(), *records, Steps(end=4.0), model="3d")
     with pytest.raises(DataError, match=f"another case: {part} changed"):
-        read_state(ran("several"), other, mesh=other.mesh)
+        read_state(ran, other, mesh=other.mesh)
 
 
 def wider(mesh):
@@ -205,10 +128,10 @@ def wider(mesh):
 
 
 def test_a_state_on_another_mesh_is_refused(ran, tmp_path):
-    whole = six("sliding", 4.0, 8)
-    start = read_state(ran("sliding"), whole, mesh=whole.mesh)
+    whole = several(4.0, 8)
+    start = read_state(ran, whole, mesh=whole.mesh)
     with pytest.raises(DataError, match="another case: mesh changed"):
-        read_state(ran("sliding"), whole, mesh=wider(whole.mesh))
+        read_state(ran, whole, mesh=wider(whole.mesh))
     with pytest.raises(DataError, match="another case: mesh changed"):
         run(whole, tmp_path / "then", mesh=wider(whole.mesh), start=start)
     assert not (tmp_path / "then").exists()

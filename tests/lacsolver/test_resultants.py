@@ -1,7 +1,5 @@
 """Resultants: a force in total is spread as a uniform traction, with every cut, model and group; stresses at nodes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

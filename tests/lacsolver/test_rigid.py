@@ -1,7 +1,5 @@
 """Rigid bodies, prescribed and loaded, by small and finite rotations, and the reactions of all that holds a body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -19,7 +17,6 @@ from tests.problems import case_of
 
 CENTRE = (0.3, -0.2, 0.7)
 EACH_MODEL = pytest.mark.parametrize("model", MODELS)
-TURNING = pytest.mark.parametrize("model", [model for model in MODELS if model != "axisymmetric"])
 
 
 def rigid_box(model, plane="QUAD4"):
@@ -221,22 +218,7 @@ def test_the_map_of_a_loaded_body_and_its_derivatives(model, size):
     assert bent is None or np.abs(expected).max() > 0.1
 
 
-@TURNING
-def test_at_rest_the_map_is_that_of_small_kinematics_which_is_linear(model):
-    _, small, _ = turning(model, kinematics="small", **LOADED[model])
-    _, finite, _ = turning(model, **LOADED[model])
-    q = np.zeros(small.n_q)
-    assert abs(finite.T - small.T).max() < 1e-15
-    assert abs(finite.tangent(q, 0.0) - small.T).max() < 1e-15
-    np.testing.assert_allclose(finite.force(1.0, q), small.force(1.0), rtol=1e-14)
-    q = np.random.default_rng(0).normal(size=small.n_q)
-    assert small.tangent(q, 1.0) is small.T
-    assert small.turning(q, 1.0, np.ones(small.T.shape[0])) is None
-    np.testing.assert_allclose(small.displacement(q, 1.0), small.T @ q + small.u0(1.0), atol=1e-14)
-    np.testing.assert_array_equal(small.force(1.0, q), small.force(1.0))
-
-
-@TURNING
+@pytest.mark.parametrize("model", [model for model in MODELS if model != "axisymmetric"])
 def test_work_of_the_resultant_is_work_of_the_forces(model):
     """Forces that are moments' reactions: T^T r = force(q) exactly when their moment is the load."""
     space, constraints, nodes = turning(model, **LOADED[model])

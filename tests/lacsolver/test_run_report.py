@@ -1,7 +1,5 @@
 """What is written of a run beside its fields: its report, two runs compared, natural modes."""
 
-from __future__ import annotations
-
 import json
 import re
 from importlib.util import find_spec

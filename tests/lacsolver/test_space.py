@@ -1,7 +1,5 @@
 """Spaces and laws: numbering, patterns, rules, what a model refuses; what constants mean; who has which law."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import partial
@@ -25,18 +23,7 @@ from lacsolver.cli import main
 from lacsolver.space.rules import SOLID_CELLS, cell_rule
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
-from tests.lacsolver.bodies import (
-    PLANE_MODELS,
-    PLANES,
-    SOLIDS,
-    cube,
-    distorted,
-    made,
-    mixture,
-    one_cell,
-    plane_mixture,
-    square,
-)
+from tests.lacsolver.bodies import PLANE_MODELS, PLANES, SOLIDS, distorted, made, one_cell, plane_mixture, square
 from tests.problems import case_of, contact, fix, move
 from tests.quality_cells import rotation
 from tests.samples import each_option
@@ -54,19 +41,6 @@ def test_extent_is_the_largest_side_of_the_box():
     space = Space.of(rectangle(2, (1.5, 4.0)), "plane_strain")
     top = np.flatnonzero(space.mesh.points[:, 1] == 4.0)
     assert (space.extent, space.extent_of(top)) == (4.0, 1.5)
-
-
-def test_unknowns_go_node_by_node_of_cells_of_the_models_dimension():
-    """A node of no cell has unknowns but is not attached."""
-    mesh = cube("HEXA8", 1)
-    skin = Mesh.create(mesh.points, [("QUAD4", [[0, 1, 2, 3]]), ("HEXA8", mesh.block("HEXA8")), ("SEG2", [[0, 1]])])
-    space = Space.of(skin, "3d")
-    assert space.n_dof == 24 and space.dofs(np.array([0, 5])).tolist() == [[0, 1, 2], [15, 16, 17]]
-    assert [b.type for b in space.blocks] == ["HEXA8"] and space.cells().tolist() == [1]
-    mesh = Mesh.create([[0, 0], [1, 0], [0, 1], [7, 7]], [("TRIA3", [[0, 1, 2]]), ("POI1", [[3]])])
-    space = Space.of(mesh, "plane_strain")
-    assert space.n_dof == 8 and space.attached.tolist() == [True, True, True, False]
-    assert np.diff(space.pattern.indptr).tolist() == [3, 3, 3, 0]
 
 
 def test_cells_by_group():
@@ -90,14 +64,6 @@ def test_edges_have_the_thickness_of_their_cell():
         space.thick(np.array([4]))
     same = Space.of(strip(), "plane_stress", thickness={"both": 3.0, "left": 3.0})
     assert same.thick(np.array([4])) == 3.0
-
-
-@pytest.mark.parametrize("mesh", [mixture(), mixture("2-full"), cube("TETRA10", 2), plane_mixture("2")])
-def test_pattern_equals_its_plain_twin(mesh):
-    space = Space.of(mesh, "3d" if mesh.space_dim == 3 else "plane_strain")
-    indptr, indices = plain.pattern([b.nodes for b in space.blocks], mesh.n_nodes)
-    assert np.array_equal(space.pattern.indptr, indptr)
-    assert np.array_equal(space.pattern.indices, indices)
 
 
 BOX = square("QUAD4", 1)
@@ -201,17 +167,6 @@ def tensor(voigt, shear=1.0):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def test_bars_show_their_constants():
-    S = np.linalg.inv(ELASTIC.elasticity())
-    np.testing.assert_allclose(S[:, 0], [0.5, -0.15, -0.15, 0, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(S[:, 3], [0, 0, 0, 1.3, 0, 0], atol=1e-15)
-    S = np.linalg.inv(Orthotropic(**WOOD).elasticity())
-    E, (nu12, nu13, nu23), (G12, G13, G23) = (WOOD[k] for k in ("young", "poisson", "shear"))
-    np.testing.assert_allclose(S[:, 0], [1 / E[0], -nu12 / E[0], -nu13 / E[0], 0, 0, 0], atol=1e-14)
-    np.testing.assert_allclose(S[:, 1], [-nu12 / E[0], 1 / E[1], -nu23 / E[1], 0, 0, 0], atol=1e-14)
-    np.testing.assert_allclose(np.diag(S)[2:], [1 / E[2], 1 / G12, 1 / G23, 1 / G13], rtol=1e-13)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_turned_wood_answers_a_turned_strain_with_the_turned_stress(seed):
     """And wood of equal constants is isotropic however it turns."""
@@ -291,18 +246,6 @@ def two_groups():
     half = mesh.n_cells // 2
     groups = {"low": np.arange(half), "high": np.arange(half, mesh.n_cells), "both": np.arange(mesh.n_cells)}
     return Space.of(replace(mesh, cell_groups=groups), "plane_strain")
-
-
-def test_laws_by_groups():
-    space = two_groups()
-    stiff = Elastic(100.0, 0.2, density=3.0)
-    owned = Materials.of(space, [(ELASTIC, ("low",)), (stiff, ("high",))])
-    expected = np.arange(space.mesh.n_cells) >= space.mesh.n_cells // 2
-    for number, block in enumerate(space.blocks):
-        assert owned.law[number].tolist() == expected[block.cell].astype(int).tolist()
-        assert owned.densities(number).tolist() == np.where(expected[block.cell], 3.0, 0.0).tolist()
-    assert {int(k) for law in owned.law for k in law} == {0, 1}
-    assert owned.terms.lame.tolist() == [list(ELASTIC.lame), list(stiff.lame)]
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,6 @@ which is what the differences are good for. So they are, whatever the faces and 
 front of several pieces move, and rules with a few points leave their derivatives off by what they are themselves: 1e-4,
 and 1e-2 on lines that curve, whose 4 points feel it most."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 
@@ -21,8 +19,7 @@ from lacmesh.surface.place import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
-from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wavy, zone_of
+from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wavy
 from tests.samples import each_option
 
 #: of a central difference
@@ -208,17 +205,3 @@ def test_a_traction_along_either_tangent_has_its_derivative_where_nothing_presse
     K, first, second = (tangent(motion, none, (t * part).ravel()) for part in ([1, 1], [1, 0], [0, 1]))
     assert min(np.abs(part).max() for part in (first, second)) > 1e-3 * np.abs(K).max()
     assert np.abs(K - first - second).max() <= 1e-14 * np.abs(K).max()
-
-
-@pytest.mark.rows("facet-TETRA4-HEXA8-3", "master-QUAD8-TRIA6-2")
-@pytest.mark.parametrize("slave, master, dim", [*ANY, ("mixed 2-full", "HEXA27", 3)])
-@pytest.mark.parametrize("normals", NORMALS)
-def test_b_is_the_derivative_of_the_gap_of_flat_skins_that_touch(slave, master, dim, normals):
-    """And the forces' derivative is all that is left of it beside: how they turn."""
-    _, zone = zone_of(stack(slave, master, dim, skew=0.1))
-    pairing = Pairing(normals=normals)
-    face = integrate(zone, dim, pairing)
-    motion = motion_of(face, face.slave, face.master, pairing, dim)
-    B = face.B.toarray()
-    np.testing.assert_allclose(gap_derivative(motion).toarray(), B, atol=1e-13 * np.abs(B).max())
-    assert np.abs(tangent(motion, np.ones(zone.n_macros))).max() > 0

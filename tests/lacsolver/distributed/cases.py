@@ -1,7 +1,5 @@
 """Problems for several processes, on more cells than those of the corpus: what joins nodes, slides, flows and flies."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from lacmesh import join

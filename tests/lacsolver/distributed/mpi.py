@@ -3,8 +3,6 @@
 A program is a module of this folder with a function `main(comm, *arguments)`, whose first process prints JSON.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess

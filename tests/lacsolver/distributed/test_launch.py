@@ -1,7 +1,5 @@
 """Start and end of processes: how many there are, what is missing or does not fit, and one message where one fails."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -6,8 +6,6 @@ part in two models, the other one has the rest, which is larger in the second mo
 allocates at a place must not grow with the model.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Several processes find what one finds, of every problem of the corpus and of `cases`; and what their shares tell."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -1,7 +1,5 @@
 """`mpiexec -n 3 lacsolver run`: what a user sees, files and restarts are those of one process; refusals come once."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

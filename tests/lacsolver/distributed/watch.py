@@ -1,7 +1,5 @@
 """The largest allocation of numpy's arrays at each place of the code, by the handler of memory that numpy lets set."""
 
-from __future__ import annotations
-
 import ctypes
 import pickle
 import sys
