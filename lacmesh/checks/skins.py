@@ -81,7 +81,7 @@ def duplicates(request: Request) -> Iterator[Place]:
     repeats = find_repeats(side.faces, list(cells_of_dim(request.mesh, request.dim)), request.mesh.n_nodes)
     others = np.setdiff1d(repeats.cell, np.concatenate(side.groups))
     text = "in other groups and on slave faces: both are cut"
-    yield from request.places(others, "is|are", text, side, noun="skin cell")
+    yield from request.places(others, "is|are", text, side, noun="surface cell")
 
 
 @rule("face-in-two-zones", "info", "nothing, or separate the groups")
