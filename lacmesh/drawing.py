@@ -131,7 +131,7 @@ class Drawing:
         outward = self.outward() if explode else np.zeros(3)
         if not self.hidden or not outward.any():
             if explode:
-                why = "the slave skin faces every way" if self.hidden else "no other body hides a slave skin"
+                why = "the slave surface faces every way" if self.hidden else "no other body hides a slave surface"
                 warnings.warn(LacmeshWarning(f"explode {explode:g} moves nothing: {why}"), stacklevel=4)
             return False
         x, mine, others = self.mesh.points, self.of_slave, self._nodes(self.bodies)

@@ -225,7 +225,7 @@ def _model(run: FinishedRun, picture: ContactPicture) -> str:
     drawing = picture.drawing(picture.mesh.points + picture.times * picture.u, (1200, 800))
     text = re.sub("<title>.*?</title>", lambda _: "<title>contact pressure</title>", page_of(drawing.plot), count=1)
     replace_file(path, text.encode("utf-8", "replace"))
-    return f"[The model, which turns]({path.name}), has the pressure on its skins; {plain(picture.heading)}."
+    return f"[The model, which turns]({path.name}), has the pressure on its surfaces; {plain(picture.heading)}."
 
 
 def _zones(run: FinishedRun) -> str:

@@ -329,7 +329,7 @@ def _doubtful_dissipation(results: Results) -> Iterator[str]:
     if felt and abs(left) > _LEFT * taken:
         by = "friction and plastic flow" if flow else "friction"
         message = f"steps are too long for the energy that {by} takes: it is {taken:.4g} at time {last.time:.6g}, and "
-        yield f"{message}the balance of work misses {left:.4g} ({abs(left) / taken:.0%}); use more steps"
+        yield f"{message}the work balance is off by {left:.4g} ({abs(left) / taken:.0%}); use more steps"
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

@@ -173,7 +173,7 @@ def test_a_face_that_is_there_twice_is_cut_twice(both):
     blocks = [("QUAD4", [top, listed(top, "QUAD4", 2, True)]), ("HEXA8", CUBE.block("HEXA8"))]
     mesh = Mesh.create(CUBE.points, blocks, cell_groups={"slave": [0, 1] if both else [1], "other": [0]})
     if both:
-        with pytest.warns(LacmeshWarning, match="stand twice"):
+        with pytest.warns(LacmeshWarning, match="occur twice"):
             cut = cut_skin(mesh, "slave")
         for again in ("slave", "other"):
             assert cut_skin(cut.mesh, again).mesh is cut.mesh
@@ -243,7 +243,7 @@ def refused():
         for only in (True, False):  # such cells are never cut, so what lies on them would be torn off
             yield case(f"{kind}, {only}", mesh, "slave", CutError, f"{kind} 70", (70,), skin_only=only)
     line = Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]]), ("POI1", [[0]])], cell_groups={"slave": [1]})
-    yield case("a mesh of lines", line, "slave", CutError, "no skin")
+    yield case("a mesh of lines", line, "slave", CutError, "no surface")
     yield case("other records", OTHER_RECORDS, "slave", CutError, "not those of a cut")
     labels = hexa(node_data={"label": np.array(list("abcdefgh"))})
     yield case("data that are no numbers", labels, "slave", DataError, "only numbers")

@@ -46,7 +46,7 @@ def msh(tmp_path):
 
 
 @pytest.mark.rows("2-1-4", "2-2-3")
-@pytest.mark.filterwarnings("ignore:slave faces stand twice:lacmesh.LacmeshWarning")
+@pytest.mark.filterwarnings("ignore:slave faces occur twice:lacmesh.LacmeshWarning")
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2), (3, 3)])
 def test_the_report_counts_and_measures(seed, dim, order):

@@ -248,7 +248,7 @@ def test_a_cell_that_curved_edges_would_make_invalid_keeps_straight_ones(dim):
     """The hole of a ring goes into a layer of cells that is thinner than the arcs are high; this is warned of once."""
     kind = {2: "QUAD4", 3: "HEXA8"}[dim]
     mesh = rings({"kind": kind, "n": 10, "radii": [1.0, 1.03, 2.0], "heights": [0.0, 0.5][: dim - 1]}, dim=dim)
-    with pytest.warns(LacmeshWarning, match="10 cells on curved skins keep straight edges") as told:
+    with pytest.warns(LacmeshWarning, match="10 cells on curved surfaces keep straight edges") as told:
         raised = raise_order(mesh)
     assert len(told) == 1 and validity_of(raised).min() > 0.2
     inner, outer = (nodes_of(raised, name) for name in ("inner", "outer"))

@@ -231,8 +231,8 @@ def test_groups_that_hold_no_skin():
     blocks = [("TRIA10", [range(10)]), ("TETRA4", [[10, 11, 12, 13]])]
     for asked, group, error, words in (
         (mesh, "slvae", GroupNotFoundError, None),
-        (mesh, "body0", DataError, "no skin"),
-        (replace(mesh, cell_groups={"none": np.empty(0, int)}), "none", DataError, "no skin"),
+        (mesh, "body0", DataError, "has no lines"),
+        (replace(mesh, cell_groups={"none": np.empty(0, int)}), "none", DataError, "has no lines"),
         (Mesh.create(points, blocks, cell_groups={"s": [0]}), "s", DataError, "cannot be flipped"),
     ):
         with pytest.raises(error, match=words):

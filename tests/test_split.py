@@ -242,7 +242,7 @@ def test_requests_that_cannot_be_met():
     for asked, names, error, words in (
         (mesh, "g", GroupNotFoundError, None),
         (mesh, "top", DataError, "on the surface of the body"),
-        (mesh, "body", DataError, "holds no skin"),
+        (mesh, "body", DataError, "has no lines"),
         (mesh, "none", DataError, "is empty"),
         (mesh, "line", DataError, "has lines"),
         (mesh, "air", DataError, "not facets of any cell"),

@@ -197,16 +197,16 @@ def _hanging(request: Request, side: CheckedSkin) -> Ints:
     return np.unique(node[request.bodies[node] == request.bodies[a[edge]]])
 
 
-@rule("hanging-node", "error", "mesh the skin conformingly", "skin of pair")
+@rule("hanging-node", "error", "mesh the surface conformingly", "skin of pair")
 def hanging_nodes(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """A node of a skin lies inside an edge of another face of it: the skin does not conform."""
+    """A node of a surface lies inside an edge of another of its faces: the surface does not conform."""
     noun, text = f"node of the {side.what} skin", "inside edges of its other faces"
     yield from request.places(request.once(_hanging, side), "lies|lie", text, side, noun=noun)
 
 
 @rule("self-intersection", "error", "repair the geometry there", "skin of pair")
 def self_intersections(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """Faces of one skin cross or overlap."""
+    """Faces of one surface cross or overlap."""
     if request.dim == 1 and request.mesh.space_dim == 3:  # lines in space hardly ever meet
         return
     nodes = side.faces.nodes

@@ -215,7 +215,7 @@ def overlapping_cells(request: Request) -> Iterator[Place]:
 
 @rule("mid-nodes-differ", "error", "elevate the order of both alike, and share the mid-nodes")
 def different_mid_nodes(request: Request) -> Iterator[Place]:
-    """Two cells, or a skin face and its parent cell, share the corners of a facet but not its mid-nodes."""
+    """Two cells, or a surface face and its parent cell, share the corners of a facet but not its mid-nodes."""
     mesh, solid, opposite = request.mesh, request.facets.solid, request.facets.opposite
     orders = {ALL_CELLS[b.type].order for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim and len(b.nodes)}
     if orders <= {1}:

@@ -231,16 +231,16 @@ def broken_records(request: Request) -> Iterator[Place]:
 
 @rule("recognised", "info", "nothing", "slave")
 def recognised(request: Request) -> Iterator[Place]:
-    """The skin is cut, but has no records of the cut; the macro-elements were recognised."""
+    """The surface is cut, but has no records of the cut; the macro-elements were recognised."""
     macros, side = request.once(macros_of), request.slave
     if request.once(records_of).recognised and macros.cut.all():
         macro_elements = counted(macros.count, "macro-element was", "macro-elements were")
-        yield Place(f"the skin is cut, without records: {macro_elements} recognised from the faces", side.cells)
+        yield Place(f"the surface is cut, without records: {macro_elements} recognised from the faces", side.cells)
 
 
 @rule("half-cut", "warning", "cut the original mesh, with all slave groups at once", "slave")
 def half_cut(request: Request) -> Iterator[Place]:
-    """Only a part of the slave skin is cut."""
+    """Only a part of the slave surface is cut."""
     macros, side = request.once(macros_of), request.slave
     if macros.cut[~macros.whole].any():
         cells = side.cells[~macros.cut & ~macros.whole]
@@ -264,7 +264,7 @@ def not_cut(request: Request) -> Iterator[Place]:
     if not request.once(macros_of).cut.any():
         message, cells, advice = _without_dof(request, "slave faces own")
         if len(cells):
-            yield Place(f"the skin is not cut yet: {message}; {advice}", cells)
+            yield Place(f"the surface is not cut yet: {message}; {advice}", cells)
 
 
 def _without_dof(request: Request, what: str) -> tuple[str, Ints, str]:
@@ -273,10 +273,10 @@ def _without_dof(request: Request, what: str) -> tuple[str, Ints, str]:
     cells = _faces(request, none)
     message = f"{int(none.sum()):,} of {len(none):,} {what} no internal dof ({request.numbers(cells)}"
     if (dofs.anywhere[none] > 0).any():
-        message += f"; {int((dofs.anywhere[none] > 0).sum())} of them only one on the boundary of the skin, which a "
-        message += "symmetry condition would constrain"
+        message += f"; {int((dofs.anywhere[none] > 0).sum())} of them have one on the boundary of the surface, where a "
+        message += "symmetry condition would constrain it"
     groups = " ".join(f"--slave {quote(name)}" for name in request.slave.names)
-    return f"{message})", cells, f"cut the skin: lacmesh cut {groups}"
+    return f"{message})", cells, f"cut the surface: lacmesh cut {groups}"
 
 
 @rule("fixed-internal-dof", "error", "remove these faces from the Dirichlet group, or from the slave group", "slave")
@@ -292,7 +292,7 @@ def fixed_internal_dof(request: Request) -> Iterator[Place]:
 
 @rule("rim-dof", "warning", "cut the faces, or give the constrained groups with --dirichlet", "slave")
 def rim_dofs(request: Request) -> Iterator[Place]:
-    """A macro-element has internal dofs only on the boundary of the slave skin, which a symmetry condition would
+    """A macro-element has internal dofs only on the boundary of the slave surface, which a symmetry condition would
     constrain.
     """
     dofs = request.once(_dofs)
@@ -300,8 +300,8 @@ def rim_dofs(request: Request) -> Iterator[Place]:
     if on_boundary.any():
         cells = _faces(request, on_boundary)
         message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
-        message += f" internal dofs only on the boundary of the slave skin (slave faces {request.numbers(cells)}), "
-        yield Place(f"{message}which a symmetry condition would constrain", cells)
+        message += f" internal dofs only on the boundary of the slave surface (slave faces {request.numbers(cells)}), "
+        yield Place(f"{message}where a symmetry condition would constrain them", cells)
 
 
 @rule("internal-dof", "info", "nothing", "slave")

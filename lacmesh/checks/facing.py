@@ -49,9 +49,9 @@ def _smooth_zones(request: Request, side: CheckedSkin) -> list[tuple[str, Any, S
 
 @rule("faceted", "warning", "refine the mesh (16 faces to a full turn or more), or use quadratic cells", "skin")
 def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """A curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface meet at
-    more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their curvature within few
-    faces, as at a fillet, so that heights may be off by 0.005 of a face's size.
+    """A curved surface of linear cells is too coarse for a smooth fit: neighbouring faces of a free-form surface meet
+    at more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their curvature within
+    few faces, as at a fillet, so that heights may be off by 0.005 of a face's size.
     """
     for name, smooth, surface in request.once(_smooth_zones, side) if request.options["surface"] == "smooth" else ():
         coarse = faceted(smooth, surface)
@@ -61,7 +61,7 @@ def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
                 what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
             if coarse.doubt > DOUBTFUL:
                 what.append(f"their {doubt_text(coarse.doubt)}")
-            message = f"{side.counted(len(coarse.cells), 'is|are')} too coarse for a curved skin: they "
+            message = f"{side.counted(len(coarse.cells), 'is|are')} too coarse for a curved surface: they "
             yield Place(f"{message}{', and '.join(what)}", coarse.cells, group=name)
 
 
@@ -151,7 +151,7 @@ def _bare_zones(request: Request, facing: _Facing) -> dict[str, Bools]:
 @rule("no-coverage", "error", "check the groups, their positions and normals, or increase --search-distance", "pair")
 @_paired
 def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
-    """No slave face of a zone has a master face along its normal, within the search distance."""
+    """No slave face of a contact has a master face along its normal, within the search distance."""
     for name, macros in _bare_zones(request, facing).items():  # an error, whatever the other zones see
         message = f"no slave face of {name} has a master face along its normal, within "
         message += f"{facing.options['search_distance']:.4g}"
@@ -174,7 +174,7 @@ def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
         yield Place(message, cells)
 
 
-@rule("wrong-side", "warning", "orient the skins outward, and check which surfaces face each other", "pair")
+@rule("wrong-side", "warning", "orient the surfaces outward, and check which surfaces face each other", "pair")
 @_paired
 def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
     """Slave and master normals are not opposite where they face each other, or the master lies behind the slave."""

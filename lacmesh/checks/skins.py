@@ -29,23 +29,23 @@ def _by_dim(request: Request, side: CheckedSkin) -> Iterator[tuple[str, Ints, In
         yield name, cells, cells[dims > request.dim], cells[dims < request.dim]
 
 
-@rule("empty-skin", "error", "name the group of the skin", "group")
+@rule("empty-skin", "error", "name the group of the surface", "group")
 def empty_skin(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """A slave or master group has no skin faces."""
+    """A slave or master group has no faces."""
     for name, cells, _, lower in _by_dim(request, side):
         if len(lower) == len(cells):
-            message = f"the {side.what} group {name!r} has no skin faces (cells of dimension {request.dim})"
+            message = f"the {side.what} group {name!r} has no faces (cells of dimension {request.dim})"
             yield Place(message, cells, group=name)
 
 
-@rule("wrong-dimension", "error", "name the group of the skin, one dimension lower", "group")
+@rule("wrong-dimension", "error", "name the group of the surface, one dimension lower", "group")
 def wrong_dimension(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master group has cells of the dimension of the body."""
     for name, _, higher, _ in _by_dim(request, side):
         if len(higher):
             message = f"the {side.what} group {name!r} has {counted(len(higher), 'cell')} of dimension "
             message += f"{int(request.mesh.cell_dim[higher].max())} ({request.numbers(higher)})"
-            advice = f"name the group of its skin, of dimension {request.dim}"
+            advice = f"name the group of its surface, of dimension {request.dim}"
             yield Place(message, higher, group=name, advice=advice)
 
 
@@ -76,7 +76,7 @@ def repeated_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
 
 @rule("duplicate", "info", "nothing", "slave")
 def duplicates(request: Request) -> Iterator[Place]:
-    """Another skin cell, outside the group, lies on the same nodes as a slave face; the cut cuts both."""
+    """Another surface cell, outside the group, lies on the same nodes as a slave face; the cut cuts both."""
     side = request.slave
     repeats = find_repeats(side.faces, list(cells_of_dim(request.mesh, request.dim)), request.mesh.n_nodes)
     others = np.setdiff1d(repeats.cell, np.concatenate(side.groups))
@@ -86,9 +86,9 @@ def duplicates(request: Request) -> Iterator[Place]:
 
 @rule("face-in-two-zones", "info", "nothing, or separate the groups")
 def faces_in_two_zones(request: Request) -> Iterator[Place]:
-    """A face is in two slave groups; it belongs to the zone of the first."""
+    """A face is in two slave groups; it belongs to the contact of the first."""
     cells, count = np.unique(np.concatenate(request.slave.groups), return_counts=True)
-    text = "in several slave groups and belong to the zone of the first"
+    text = "in several slave groups and belong to the contact of the first"
     yield from request.places(cells[count > 1], "is|are", text, request.slave, noun="cell")
 
 
@@ -158,7 +158,7 @@ def mid_nodes_of_parents(request: Request, side: CheckedSkin) -> Iterator[Place]
 
 @rule("orientation", "warning", "lacmesh orient, or cut with --orient outward", "skin")
 def orientation(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """Skin faces point inward, or, on a surface without parent cells, opposite to their neighbours."""
+    """Slave or master faces point inward, or, on a surface without parent cells, opposite to their neighbours."""
     analysis = analyse_orientation(request.mesh, side.cells)
     against = np.intersect1d(analysis.to_flip, analysis.parentless)
     inward = np.setdiff1d(analysis.to_flip, analysis.parentless)
@@ -172,7 +172,7 @@ def orientation(request: Request, side: CheckedSkin) -> Iterator[Place]:
 
 @rule("non-manifold", "error", "remove the branching faces from the group", "skin")
 def branches(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """Three or more faces of one skin meet at an edge."""
+    """Three or more faces of one surface meet at an edge."""
     uses = edge_uses(side.faces)
     count = np.bincount(uses.edge)
     cells = side.cells[np.unique(uses.face[count[uses.edge] > 2])]
@@ -181,20 +181,20 @@ def branches(request: Request, side: CheckedSkin) -> Iterator[Place]:
         yield Place(f"{message}{request.numbers(cells)})", cells)
 
 
-@rule("mixed-order", "warning", "elevate the order of the linear part, or make two zones", "skin")
+@rule("mixed-order", "warning", "elevate the order of the linear part, or make two contacts", "skin")
 def mixed_orders(request: Request, side: CheckedSkin) -> Iterator[Place]:
-    """A skin has linear and quadratic faces."""
+    """A surface has linear and quadratic faces."""
     order = _ORDER[side.faces.type]
     if order.min() < order.max():
         few = side.cells[order == (1 if 2 * (order == 1).sum() <= len(order) else 2)]
-        message = f"the {side.what} skin has linear and quadratic faces (fewer of one: {request.numbers(few)})"
+        message = f"the {side.what} surface has linear and quadratic faces (fewer of one: {request.numbers(few)})"
         yield Place(message, few)
 
 
 # ---- nodes that two skins share
 
 
-@rule("crack-front", "info", "nothing, if the skins are the sides of a crack (lacmesh split)", "pair")
+@rule("crack-front", "info", "nothing, if the surfaces are the sides of a crack (lacmesh split)", "pair")
 def crack_front(request: Request) -> Iterator[Place]:
     """Slave and master share nodes where they lie on each other, at the front of a crack, which stays closed."""
     front = request.once(_front)
@@ -221,16 +221,16 @@ def shared_nodes(request: Request) -> Iterator[Place]:
         yield Place(f"{message}gap can open", nodes=common, group=_both(request))
 
 
-@rule("zones-share-nodes", "warning", "keep a row of faces between the zones, or make them one")
+@rule("zones-share-nodes", "warning", "keep a row of faces between the slaves, or make them one")
 def zones_share_nodes(request: Request) -> Iterator[Place]:
-    """Two slave zones share nodes: the contact conditions of both act on them."""
+    """Two slaves share nodes: the contact conditions of both act on them."""
     side = request.slave
     rows, place = np.nonzero(side.faces.nodes >= 0)
     pairs = np.unique(np.column_stack([side.faces.nodes[rows, place], side.zone[rows]]), axis=0)
     nodes, count = np.unique(pairs[:, 0], return_counts=True)
     shared = nodes[count > 1]
     if len(shared):
-        message = f"slave zones share {counted(len(shared), 'node')} ({request.node_numbers(shared)})"
+        message = f"slaves share {counted(len(shared), 'node')} ({request.node_numbers(shared)})"
         yield Place(message, nodes=shared, group=side.group)
 
 

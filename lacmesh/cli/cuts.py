@@ -161,7 +161,7 @@ def split(
     out: MeshOutput,
     run: Run,
 ) -> None:
-    """Divide a mesh along faces inside a body (edges in a plane mesh) into two skins, G_a and G_b, that touch.
+    """Divide a mesh along faces inside a body (edges in a plane mesh) into two surfaces, G_a and G_b, that touch.
 
     $ lacmesh split bolt.med --faces section
     $ lacmesh split part.msh --faces crack -o cracked.msh
@@ -197,13 +197,13 @@ def split(
 def orient(
     source: MeshFile,
     *,
-    group: Annotated[list[str], Option(metavar="GROUP", help="the skin; may be repeated")],
+    group: Annotated[list[str], Option(metavar="GROUP", help="the surface; may be repeated")],
     target: Target = None,
     mesh_name: MeshName = None,
     out: MeshOutput,
     run: Run,
 ) -> None:
-    """Orient the faces of a skin outward.
+    """Orient the faces of a surface outward.
 
     $ lacmesh orient part.msh --group slave
     $ lacmesh orient part.med --group slave --group master -o outward.med
@@ -219,8 +219,8 @@ def orient(
         lines.append(f"{name}: {len(sides.to_flip):,} of {counted(len(cells), 'face')} flipped")
         for left, what in (
             (sides.interface, "between two cells, with no outward side, left as they are"),
-            (sides.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
-            (sides.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
+            (sides.open, "without a cell behind, oriented alike; they enclose no volume: choose their side"),
+            (sides.one_sided, "on a surface with one side only, which cannot agree, left as they are"),
         ):
             if len(left):
                 lines.append(f"{name}: {what}: {len(left):,} ({mesh.cell_names(left)})")

@@ -24,7 +24,7 @@ _LISTED = 60
 def info(source: MeshFile, *, json: AsJson = False, mesh_name: MeshName = None, run: Run) -> None:
     """List the content of a file, or of a folder of parts.
 
-    With --verbose also the shapes of curved skins of linear faces.
+    With --verbose also the shapes of curved surfaces of linear cells.
 
     $ lacmesh info part.med
     $ lacmesh info part.msh --json
@@ -203,7 +203,7 @@ def offer(examples: Mapping[str, Any], name: str | None, folder: str, *, force: 
 
 
 Page = Annotated[str, Argument(metavar="PAGE", help="the page, such as cut or solver (default: the overview of all)")]
-PathOnly = Annotated[bool, Option("--path", help="print where its text is, in Markdown, and open nothing")]
+PathOnly = Annotated[bool, Option("--path", help="print the path of its Markdown text in place of opening it")]
 
 
 def docs(page: Page = "README", *, path: PathOnly = False, run: Run) -> None:

@@ -34,14 +34,14 @@ def view(
         str | None, Option("--output", "-o", metavar="FILE", help=".png, .html; default: a window")
     ] = None,
     skins: Skins,
-    check: Annotated[bool, Option("--check", help="mark the cells that lacmesh check finds fault with")] = False,
+    check: Annotated[bool, Option("--check", help="mark the cells with errors and warnings of lacmesh check")] = False,
     quality: Annotated[str | None, Option(metavar="[MEASURE]", help="as colours (default: corner_jacobian)")] = None,
     camera: Annotated[Direction, Option(metavar="X Y Z", help="direction from the mesh to the eye")] = None,
-    cutaway: Annotated[Direction, Option(metavar="X Y Z", help="leave out cells beyond the middle, that way")] = None,
+    cutaway: Annotated[Direction, Option(metavar="X Y Z", help="leave out cells beyond the middle, this way")] = None,
     explode: Annotated[float | None, Option(metavar="GAP", help="gap between bodies, in sizes of the mesh")] = None,
     bodies: Annotated[
         Literal["solid", "ghost", "hidden"] | None,
-        Option(help="ghost: see-through; hidden: the skins alone (default: what shows the slave skin)"),
+        Option(help="ghost: see-through; hidden: the surfaces alone (default: what shows the slave surface)"),
     ] = None,
     size: Annotated[str | None, Option(metavar="WxH", parser=_size, help="pixels (default: 1600x1000)")] = None,
     title: Annotated[str | None, Option(metavar="TITLE", help="a line above (default: the file's name)")] = None,

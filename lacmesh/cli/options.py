@@ -47,8 +47,8 @@ ForProgram = Annotated[
 class Skins:
     """The skins of a contact."""
 
-    slave: Annotated[Names, Option(metavar="GROUP", help="slave skin; may be repeated")] = None
-    master: Annotated[Names, Option(metavar="GROUP", help="master skin; may be repeated")] = None
+    slave: Annotated[Names, Option(metavar="GROUP", help="slave surface; may be repeated")] = None
+    master: Annotated[Names, Option(metavar="GROUP", help="master surface; may be repeated")] = None
     pair: Annotated[
         Names, Option(metavar="SLAVE:MASTER", help="for several contacts, in place of both; may be repeated")
     ] = None
@@ -90,15 +90,16 @@ class Facing:
     axisymmetric: Annotated[bool, search("--axisymmetric", help="a plane mesh about y: areas include 2 pi x")] = False
     search_distance: Annotated[
         float | None,
-        length(help="default: a quarter of the smaller skin's diagonal, or twice its largest macro-element"),
+        length(help="default: a quarter of the smaller surface's diagonal, or twice its largest macro-element"),
     ] = None
-    max_penetration: Annotated[float | None, length(help="to search (default: half the local element size)")] = None
+    max_penetration: Annotated[
+        float | None, length(help="deepest overlap that is found (default: half the local element size)")
+    ] = None
     surface: Annotated[
         Literal["smooth", "faces"], search(help="gaps of linear cells: between the smooth surfaces, or the faces")
     ] = "smooth"
     crease_angle: Annotated[
-        float | None,
-        angle(help="edges that turn by more are sharp (default: 40, or more on five to eight faces to a turn)"),
+        float | None, angle(help="sharp edges turn by more (default: 40, or more on five to eight faces per turn)")
     ] = None
 
 

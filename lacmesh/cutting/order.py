@@ -92,7 +92,7 @@ def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
             way[spoiling] = 0.0
     if straight.any():
         cells = touched[straight & (new.cell_dim[touched] == new.dim)]
-        message = f"{len(cells)} cells on curved skins keep straight edges, with which they have a better shape: "
+        message = f"{len(cells)} cells on curved surfaces keep straight edges, with which they have a better shape: "
         warnings.warn(f"{message}{new.cell_names(cells)}; refine the mesh there", LacmeshWarning, stacklevel=3)
     return moved if way.any() else new
 

@@ -121,7 +121,7 @@ def recognise(mesh: MeshLike, slave: str | int | Sequence[str | int]) -> Cut | N
         return as_cut(mesh, recognised)
     if recognised.n_cut:
         left = mesh.cell_names(recognised.cells[recognised.left])
-        message = f"the slave skin is cut in part: cells {left} belong to no macro-element of it"
+        message = f"the slave surface is cut in part: cells {left} belong to no macro-element of it"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
     return None
 

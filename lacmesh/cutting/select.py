@@ -102,7 +102,7 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
         remarks.append(f"every face of {empty} is in an earlier slave group: {empty} has no macro-element")
     if len(first) != len(cells):
         copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
-        remarks.append(f"slave faces stand twice in the slave groups (cells {copies} repeat others); both are cut")
+        remarks.append(f"slave faces occur twice in the slave groups (cells {copies} repeat others); both are cut")
     return SlaveSkin(tuple(names), cells, zone, faces, first, refusals, tuple(remarks))
 
 
@@ -126,14 +126,14 @@ def _refusals(mesh: Mesh, names: list[str], dims: list[int], skin_only: bool) ->
         elif len(odd):
             needed = "1 or 2" if skin_only else f"{max(mesh.dim - 1, 1)}, one less than the cells behind it"
             what = f"holds cells of dimension {int(mesh.cell_dim[odd].max())} ({mesh.cell_names(odd)}); "
-            what += f"a slave skin is made of faces of dimension {needed}"
+            what += f"a slave surface is made of faces of dimension {needed}"
             yield CutError(f"the slave group {name!r} {what}", mesh.cell_number[odd])
         for kind, which, _ in mesh.select(cells[of == dim]):
             if kind not in CELLS:
                 names_of = mesh.cell_names(which)
                 yield CutError(f"slave faces of type {kind} ({names_of}) cannot be cut", mesh.cell_number[which])
     if mesh.dim < 2:
-        yield CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
+        yield CutError(f"{lacking(mesh, 2)}: there is no surface to cut")
     if len(set(dims)) > 1:
         groups = f"the slave groups {', '.join(names)} have faces of dimensions {sorted(set(dims))}"
         yield CutError(f"{groups}; cut one dimension only")

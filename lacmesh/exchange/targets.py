@@ -148,4 +148,4 @@ def _advice(mesh: Mesh, with_hexa: Mesh, target: str) -> str:
     parents = np.flatnonzero(np.isin(mesh.cell_number, number))
     behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
     anew = "tetrahedra, or with hexahedra and --hexa hexa"
-    return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"
+    return f"no option changes that for the {behind} behind the slave surface: mesh these with {anew}"

@@ -261,7 +261,7 @@ def cells_of_skin(mesh: Mesh, name: str) -> Bools:
     """
     faces = mesh.cells_of(name)
     if (mesh.cell_dim[faces] == mesh.dim).any():
-        raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
+        raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of faces")
     cells = _touching(mesh, mask_of(mesh.n_nodes, mesh.nodes_on(faces)))
     parent = mesh.cell_data.get("lac_parent")
     if parent is not None:

@@ -214,7 +214,7 @@ def _named_skins(header: Mapping[str, Any], note: Mapping[str, Any], specs: Sequ
     names = [skin_name(empty, spec) for spec in specs]
     for name in names:
         if name not in header["skins"]:
-            raise GroupNotFoundError(name, header["skins"], "group of skin faces")
+            raise GroupNotFoundError(name, header["skins"], "group of faces")
     return names
 
 

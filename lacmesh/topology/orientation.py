@@ -155,8 +155,7 @@ def skin_cells(mesh: Mesh, group: Spec) -> Ints:
     if want not in (1, 2) or odd:
         what = f"cells of dimension {want}" if not odd else f"cells that cannot be flipped ({mesh.cell_names(odd[0])})"
         raise DataError(
-            f"the group {spec_text(group)!r} holds no skin of lines or of linear or quadratic surface cells, but "
-            f"{what}",
+            f"the group {spec_text(group)!r} has no lines and no linear or quadratic surface cells, but {what}",
             mesh.cell_number[odd[0] if odd else faces],
         )
     return faces

@@ -95,8 +95,8 @@ class Dynamics(Entry, header="[dynamics]"):
     )
     massless: str = key(
         choice({
-            "skins": "slave and master skins, and the nodes that the cut made",
-            "slave": "slave skins, and the nodes that the cut made",
+            "skins": "slave and master surfaces, and the nodes that the cut made",
+            "slave": "slave surfaces, and the nodes that the cut made",
             "internal": "the internal nodes of the macro-elements",
             "none": "no nodes: pressures oscillate, and energy is created at impacts",
         }), "", "nodes without mass, whose mass goes to their neighbours", "skins",

@@ -142,8 +142,8 @@ class Pretension(Entry, header="[[pretension]]", one_of=(("force", "shortening")
 
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
     group: str = key(
-        _SECTION_GROUP, "", "faces inside the bolt, across all of it, where it is divided; or NAME of two skins NAME_a "
-        "and NAME_b, as lacmesh split makes them",
+        _SECTION_GROUP, "", "faces inside the bolt, across all of it, where it is divided; or NAME of two surfaces "
+        "NAME_a and NAME_b, as lacmesh split makes them",
     )  # fmt: skip
     normal: Numbers = key(
         POINT, "", "direction of the shortening, of any length and either sign", None, "the mean normal of the faces"

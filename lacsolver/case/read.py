@@ -122,7 +122,7 @@ def _confused(document: dict[str, Any], lines: Lines) -> tuple[list[Issue], dict
             continue
         message, line = f"{name} is {described(given)}; write {header} and its keys below it", lines[(name,)]
         if isinstance(given, dict):
-            message, paths[name] = f"[{name}] may stand several times; write {header}", (name,)
+            message, paths[name] = f"[{name}] may occur several times; write {header}", (name,)
             document[name] = [given]
         elif _is_tables(given) and given:
             message, line = f"[[{name}]] is a single section; write {header}", lines[(name, len(given) - 1)]

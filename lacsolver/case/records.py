@@ -117,9 +117,7 @@ class Material(Entry, header="[[material]]"):
 _HEXA = choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_MACRO = choice(
-    {"cut": "each face is cut, and is one", "stars": "the faces around a node are one; the mesh is not cut"}
-)
+_MACRO = choice({"cut": "one of each face, which is cut", "stars": "one of the faces around a node, without a cut"})
 _NORMALS = choice(
     {
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
@@ -156,7 +154,7 @@ class PairEntry(Entry):
     surface: str = key(_SURFACE, "", "surfaces between which the gap of linear cells is measured", "smooth")
     crease_angle: float | None = key(
         number(0, 180, open=False), "degree", "edges at which the normal turns by more are sharp", None,
-        "40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
+        "40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are smooth",
     )  # fmt: skip
 
 

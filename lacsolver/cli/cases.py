@@ -59,7 +59,7 @@ def new(
     force: Force = False,
     run: Run,
 ) -> None:
-    """Write a first case for a mesh: its groups, and skins that may touch.
+    """Write a first case for a mesh: its groups, and surfaces that may touch.
 
     $ lacsolver new part.msh
     $ lacsolver new part.med -o first.toml
@@ -74,7 +74,7 @@ def new(
     content = lacmesh.read(mesh)
     pairs = facing_pairs(content)
     replace_file(path, first_case(content, os.path.relpath(mesh, path.parent), pairs).encode())
-    touching = "; ".join(f"{a!r} and {b!r}" for a, b in pairs) or "no two skins that lie opposite one another"
+    touching = "; ".join(f"{a!r} and {b!r}" for a, b in pairs) or "no two opposite surfaces"
     print(f"{path}: {touching}")
     print(f"next: fill in material, supports and loads, then lacsolver validate {path}")
 
@@ -134,7 +134,7 @@ def _content(imported: Imported) -> Iterator[tuple[str, str]]:
 
 
 def _model(case: Case, mesh: Any) -> Iterator[tuple[str, str]]:
-    yield "model", f"{case.model}, {case.kinematics} strains"
+    yield "model", f"{case.model}, {case.kinematics} kinematics"
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
 
@@ -194,23 +194,23 @@ def _motion(motion: Any) -> Iterator[tuple[str, str]]:
     """Yield the figures of a case with [dynamics]: waves and steps, what is moved of the inertia, the momentum."""
     low, high = motion.speeds
     yield "wave speeds", f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
-    yield "cells crossed in a step", f"{motion.crossed:.3g}; the smallest that is not cut is {motion.cell:.4g} long"
-    yield "step suggested", f"{motion.suggested / 2:.4g} to {motion.suggested:.4g}, where waves matter"
-    massless = f"{motion.massless:,} nodes have none, which changes inertia {motion.moved:+.2%}"
+    yield "cells crossed in a step", f"{motion.crossed:.3g}; the smallest uncut cell is {motion.cell:.4g} long"
+    yield "step suggested", f"{motion.suggested / 2:.4g} to {motion.suggested:.4g}, if waves matter"
+    massless = f"{motion.massless:,} nodes have none, which changes the moment of inertia by {motion.moved:+.2%}"
     yield "mass", f"{motion.mass:.6g}; {massless}"
     yield "momentum at the start", ", ".join(f"{value:.6g}" for value in motion.momentum)
     yield from (("warning", warning) for warning in motion.told)
 
 
 def _cut(validation: Validation) -> str:
-    """Describe the cut: none, made for this run, or present in the mesh (also if found by `recognition`)."""
+    """Describe the cut: none, of this run, or present in the mesh (also if found by `recognition`)."""
     if not validation.zones:
         return "none, because of the mistakes below"
     if validation.whole:
         return "not needed: every slave face is a macro-element as it is"
     if validation.stars_here:
         return "none: the macro-elements are stars"
-    return "made for this run" if validation.cut_here else "present in the mesh"
+    return "of this run" if validation.cut_here else "present in the mesh"
 
 
 def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:

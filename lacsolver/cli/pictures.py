@@ -77,7 +77,7 @@ def film(
     target: Annotated[str, Option("--output", "-o", metavar="FILE", help="film (.gif) or sheet of pictures (.png)")],
     colour: Annotated[
         Literal["stress", "pressure", "recovered", "gap", "status", "slip", "shear", "path", "use"],
-        Option("--colour", "--field", help="of the bodies: von Mises stress, or pressure on slaves; others: by zone"),
+        Option("--colour", "--field", help="stress (von Mises) of bodies, pressure of slaves, or a field of contacts"),
     ] = "stress",
     mode: Annotated[
         int | None, Option(metavar="N", help="film the natural mode N of a folder that lacsolver modes wrote")

@@ -56,9 +56,9 @@ def run_command(
         from lacsolver.running import run as solve
 
         if from_time is not None and restart is None:
-            raise RequestError("--from says where in the folder of --restart to begin; give both")
+            raise RequestError("--from chooses a state in the folder of --restart; give both")
         if zoom and plot is None:
-            raise RequestError("--zoom says what the picture of --plot shows; give both")
+            raise RequestError("--zoom is an option of the picture of --plot; give both")
         record, distribution = _case(case, ranks.n)
         mesh = start = None
         if restart is not None:
@@ -186,7 +186,7 @@ def modes(
 
     check_alone()
     if from_time is not None and state is None:
-        raise RequestError("--from says which state in the folder of --state to take; give both")
+        raise RequestError("--from chooses a state in the folder of --state; give both")
     if count < 1:
         raise RequestError(f"-k is the number of modes to find, 1 or more, not {count}")
     folder = check_modes_folder(target or beside(case, "modes", "_modes"), force=force)
@@ -237,7 +237,7 @@ def matrices(
     case: CaseFile,
     *,
     target: Annotated[
-        str, Option("--output", "-o", metavar="FILE.npz", help="with several zones one FILE-ZONE.npz for each")
+        str, Option("--output", "-o", metavar="FILE.npz", help="with several contacts one FILE-NAME.npz for each")
     ],
     mtx: Annotated[bool, Option(help="also write B in Matrix Market format")] = False,
     force: Force = False,

@@ -87,7 +87,7 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
     if results.sizes:
         yield "sizes", ", ".join(f"{count:,} {name.replace('_', '-')}" for name, count in results.sizes.items())
     phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())
-    yield "time", phases or "nothing was left to do"
+    yield "time", phases or "no step was left"
     yield "peak memory", f"{results.memory / 1e6:.0f} MB"
 
 
@@ -126,7 +126,7 @@ def _joints(step: StepFigures) -> Iterator[tuple[str, str]]:
     for name, point in step.couplings.items():
         yield f"coupling {name}", f"moved by {_vector(point.displacement)}; force {_vector(point.force)}"
         if point.moment.size:
-            yield "", f"turned by {_vector(point.rotation)}; moment {_vector(point.moment)}"
+            yield "", f"rotated by {_vector(point.rotation)}; moment {_vector(point.moment)}"
     for name, force in step.equations.items():
         yield f"equation {name}", f"force {force:.6g}"
 

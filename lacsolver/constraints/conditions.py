@@ -103,15 +103,15 @@ def _skin(space: Space, record: Displacement) -> Surface | None:
     cells = cells_of(space, record)
     if cells is None:
         raise wrong(
-            record, f"un needs a group of skin cells, and {record.group!r} is one of nodes; make it one of cells"
+            record, f"un needs a group of surface cells, and {record.group!r} is one of nodes; make it one of cells"
         )
     cells = space.near(cells)
     if not len(cells):
         return None
     odd = cells[(mesh.cell_dim[cells] != space.dim - 1) | ~_known(space, cells)]
     if len(odd):
-        what = f"linear or quadratic skin cells of dimension {space.dim - 1}"
-        raise wrong(record, f"un needs {what}, and cells {mesh.cell_names(odd)} are none; make {record.group!r} a skin")
+        what = f"linear or quadratic surface cells of dimension {space.dim - 1}"
+        raise wrong(record, f"un needs {what}, and cells {mesh.cell_names(odd)} are none; name a surface")
     try:
         surface = Surface.of(space.local, cells)
     except DataError as error:
@@ -119,7 +119,7 @@ def _skin(space: Space, record: Displacement) -> Surface | None:
     loose = surface.cell[np.isnan(surface.depth)]
     if len(loose):
         message = f"cells {mesh.cell_names(loose)} do not have exactly one cell of a body behind them"
-        raise wrong(record, f"{message}, so that their outward normal is unknown; prescribe ux, uy, uz, or name a skin")
+        raise wrong(record, f"{message}, so that their outward normal is unknown; prescribe ux, uy, uz")
     return surface
 
 

@@ -66,7 +66,7 @@ def nodal_normals(space: Space, skins: Sequence[Surface]) -> list[Normals]:
     lost = np.flatnonzero(size[shared, 0] == 0)
     if len(lost):
         numbers = some(np.unique(space.mesh.node_number[sides.node[lost]]))
-        raise DataError(f"the skin has no normal at nodes {numbers}; mesh its faces again, or prescribe ux, uy, uz")
+        raise DataError(f"the surface has no normal at nodes {numbers}; mesh its faces again, or prescribe ux, uy, uz")
     normal[np.abs(normal) < _ROUNDING] = 0.0
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return [_of_skin(sides, shared, normal[:, : space.dim], k) for k in range(len(skins))]

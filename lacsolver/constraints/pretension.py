@@ -232,7 +232,7 @@ def _faces(mesh: Mesh, record: Pretension, name: str) -> Faces:
         raise wrong(record, str(error)) from None
     cells = cells[mesh.cell_dim[cells] == mesh.dim - 1]
     if not len(cells):
-        raise wrong(record, f"the skin {name!r} has no faces")
+        raise wrong(record, f"the surface {name!r} has no faces")
     faces, first = distinct_faces(mesh, cells)
     owners = find_owners(faces, cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
     count = np.bincount(owners.face, minlength=len(faces))

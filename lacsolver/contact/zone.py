@@ -49,10 +49,10 @@ class Zone:
         """
         cells, others = mesh.cells_of(slave), mesh.cells_of(master)
         if slave == master or len(np.intersect1d(cells, others)):
-            raise RequestError(f"slave {slave!r} and master {master!r} share faces; a zone needs two skins")
+            raise RequestError(f"slave {slave!r} and master {master!r} share faces; a contact needs two surfaces")
         made, other = (surface_of(mesh, c, surface, crease_angle) for c in (cells, others))
         if made.dim != other.dim:
-            raise DataError(f"slave {slave!r} and master {master!r} are skins of different dimensions")
+            raise DataError(f"slave {slave!r} and master {master!r} are surfaces of different dimensions")
         cut = Cut(mesh)
         macro = cut.macro_of_face[made.cell]
         without = made.cell[macro < 0]

@@ -348,8 +348,8 @@ def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> s
     if asked is None:
         return ""
     return (
-        f"friction of {asked.pair!r} carries {asked.carries:.3f} of its pressure, and {asked.asks:.3f} is asked; "
-        "hold it, or raise friction"
+        f"friction of {asked.pair!r} carries {asked.carries:.3f} of its pressure, and {asked.asks:.3f} is needed; "
+        "support the body, or raise friction"
     )
 
 

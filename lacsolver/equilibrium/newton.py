@@ -66,11 +66,20 @@ _PROGRESS, _PATIENCE = 0.1, 10
 #: with damping the merit may rise, as a body snaps through; but a search in which it falls and rises again so often
 #: without a new least one goes in circles
 _RISES = 3
-#: relative tolerance of a linear solve over the nonlinear residual (Eisenstat, Walker 1996)
-_FORCING = 0.03
-#: its largest value: where each stiffness has its own factor, and where one serves them all, so that solves are
-#: most of what an iteration costs
-_LOOSE, _LOOSE_OF_CONSTANT = 1e-4, 1e-3
+
+
+class _Forcing(NamedTuple):
+    """Tolerance of linear solves: `most` of the right-hand side, and `part` of it over the nonlinear residual.
+
+    As the residual falls, so does the tolerance (Eisenstat, Walker 1996).
+    """
+
+    most: float
+    part: float
+
+
+#: with a factor for each stiffness; with one factor for all, where solves are most of the cost; and that with friction
+_TIGHT, _OF_CONSTANT, _WITH_FRICTION = _Forcing(1e-4, 0.03), _Forcing(0.2, 0.1), _Forcing(1e-3, 0.03)
 #: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
 _LAST = 1e-4
 #: merit with which a set comes back, over that with which it was left, above which it is one of a cycle
@@ -101,7 +110,7 @@ def newton_iterates(
     Raises InadmissibleError if the start itself inverts cells.
     """
     there = linearize(start.q) if predictor is None else predictor
-    loose = _LOOSE_OF_CONSTANT if constant else _LOOSE
+    forcing = (_WITH_FRICTION if there.contact.sheared else _OF_CONSTANT) if constant else _TIGHT
     now, rows = _start(there, start, tolerance)
     sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
     wanders, vain = False, False
@@ -112,7 +121,7 @@ def newton_iterates(
         wanders = not (vain or there.contact.sheared) and (wanders or sets.wander(merits))
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
         limit = most if again or whole or wanders else 1
-        reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
+        reduction = 0.0 if there.contact.exact else _reduction(now.residual, forcing, tolerance.tolerance)
         reduction = min(reduction, LOOSE_WITH_SPRINGS) if wanders else reduction
         goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
         first = predictor is not None and spent == 0 and bool(there.contact.sheared)
@@ -142,11 +151,11 @@ def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance
     return Trial(start, there.contact, residual_of(there, start, tolerance)), rows
 
 
-def _reduction(residual: Residual, loose: float, tolerance: float) -> float:
+def _reduction(residual: Residual, forcing: _Forcing, tolerance: float) -> float:
     """Return the reduction that a linear solve is worth at a state; a step to below the tolerance is nearly exact."""
     worst = max(residual.balance, residual.gap)
-    reduction = min(loose, _FORCING * worst)
-    return reduction if reduction * worst > tolerance else min(loose, _LAST * tolerance / max(worst, tolerance))
+    reduction = min(forcing.most, forcing.part * worst)
+    return reduction if reduction * worst > tolerance else min(forcing.most, _LAST * tolerance / max(worst, tolerance))
 
 
 def _damping_of(start: float, merits: list[float]) -> float:

@@ -287,7 +287,7 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             place = ", ".join(space.told(face.centre[wrong_way.argmax()] + space.origin[: space.dim]))
             what = "overlap" if pair.law.compressive else "are apart"
             message = f"{len(bad)} macro-elements {what} by up to {wrong_way.max():.6g} at time {step.t:.6g}"
-            message += f", most near ({place}), and all nodes of both skins are prescribed there"
+            message += f", most near ({place}), and all nodes of both surfaces are prescribed there"
             raise wrong(pair.record, f"{message}; leave some of them free, or prescribe values that fit")
     least = _SAME * space.largest(step.u(q))
     for one in contact.equalities:
@@ -311,8 +311,8 @@ def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
             continue
         slips = (np.abs(group.shear.vectors(slip)) > least).any(axis=1) & (p[group.rows] > 0)
         if slips.any():
-            message = f"{int(slips.sum())} macro-elements slip at time {step.t:.6g}, and all nodes of both skins are "
-            message += "prescribed along them there"
+            message = f"{int(slips.sum())} macro-elements slip at time {step.t:.6g}, and all nodes of both surfaces "
+            message += "are prescribed along them there"
             raise wrong(
                 group.pair.record, f"{message}; prescribed slip with friction is not available: leave some of them free"
             )

@@ -428,7 +428,7 @@ class ContactPicture:
         span = pressed_span(zone) if self.zoom else None
         axes.set_xlim(*(span or (0.0, float(np.nanmax(s, initial=0.0)) or 1.0)))
         axes.set_title(_plain(f"{name}: {self._facts(zone)}"), fontsize=9)
-        axes.set(xlabel=self.units.label("length along the slave skin, undeformed", "length"))
+        axes.set(xlabel=self.units.label("length along the slave surface, undeformed", "length"))
         axes.set_ylabel(self.units.label(quantity.label, quantity.unit))
         axes.grid(color="#e2e5e8", linewidth=0.6)
         if len(axes.get_legend_handles_labels()[0]) > 1:

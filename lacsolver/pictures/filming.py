@@ -127,7 +127,7 @@ def film(
         bar = ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, shown.span))
         images = list(_images(shown, bar, drawn, readable(title), camera))
     elif curves:
-        raise RequestError(f"a film of {colour} shows the zones of contact, and has no curves; leave --curve out")
+        raise RequestError(f"a film of {colour} shows the contacts, and has no curves; leave --curve out")
     else:
         images = _contact_images(folder, colour, count, scale, log, camera, title or folder.name)
     replace_file(path, _gif(images, rate, _STAYS if mode is None else 0.0) if moving else _png(_tiled(images)))

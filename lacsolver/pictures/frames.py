@@ -124,7 +124,7 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
     """
     if colour not in COLOURS:
         others = [name for name in QUANTITIES if name not in COLOURS]
-        words = f"bodies are coloured by {' or '.join(COLOURS)}, and zones by {' or '.join(others)}"
+        words = f"bodies are coloured by {' or '.join(COLOURS)}, and contacts by {' or '.join(others)}"
         raise RequestError(f"{words}, not by {colour!r}")
     stored = StoredFields(folder)
     if not stored.times:

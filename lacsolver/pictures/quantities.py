@@ -110,7 +110,7 @@ def quantity_of(name: str, zones: Mapping[str, ZoneFields]) -> Quantity:
         raise RequestError(f"no field {name!r}{did_you_mean(name, QUANTITIES)}")
     quantity = QUANTITIES[name]
     if quantity.friction and all(zone.friction is None for zone in zones.values()):
-        raise RequestError(f"{name} is a field of contacts with friction, and no zone here has friction")
+        raise RequestError(f"{name} is a field of contacts with friction, and no contact here has friction")
     return quantity
 
 
@@ -120,7 +120,7 @@ def zones_of(zones: Mapping[str, ZoneFields], wanted: Iterable[str]) -> dict[str
         raise RequestError("a plot shows contacts and ties, and there are none")
     for name in wanted:
         if name not in zones:
-            raise RequestError(f"no zone {name!r}{did_you_mean(name, zones)}")
+            raise RequestError(f"no contact {name!r}{did_you_mean(name, zones)}")
     return {name: zones[name] for name in wanted or zones}
 
 

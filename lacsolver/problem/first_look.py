@@ -78,7 +78,7 @@ def _heavy_skins(problem: Problem) -> Iterator[str]:
             advice = "let one body deform, or give the contact a stiffness"
             advice += "" if how.massless == "skins" else ', or take massless = "skins"'
             yield (
-                f"the skins of contact {pair.name!r} have no nodes without mass, as those of rigid bodies keep theirs: "
+                f"the surfaces of contact {pair.name!r} have no nodes without mass, as rigid bodies keep their mass: "
                 f"pressures alternate, and an impact creates energy; {advice}"
             )
 

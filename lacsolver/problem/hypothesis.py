@@ -80,8 +80,8 @@ def check_hypothesis(
         record = pair.record
         times = float(np.median(judgement.ratio[stiff]))
         message = f"{record.SECTION.name} {record.name!r}: slave {record.slave!r} is stiffer than master "
-        message += f"{record.master!r} and has finer faces ({times:.3g} times its modulus over size, and more "
-        message += "macro-elements than the master has nodes in front of them): pressures may alternate"
+        message += f"{record.master!r} and has finer faces (modulus over size is {times:.3g} times as large, and there "
+        message += "are more macro-elements than opposite nodes of the master): pressures may alternate"
         warnings.warn(LacmeshWarning(f"{message}; exchange slave and master, or refine the master"), stacklevel=3)
 
 

@@ -66,7 +66,7 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
             wanted = np.where(there, levels[fallback] & movable, wanted)
             names = body_names(space, of_node)
             sentences += [
-                f"{names[body]} is too thin for massless skins: {words} are massless, if any" for body in short
+                f"{names[body]} is too thin for massless surfaces: {words} are massless, if any" for body in short
             ]
     wanted &= _reached(space, adjacent, attached & ~wanted)
     own = wanted if space.share.own is None else wanted & space.share.own

@@ -51,6 +51,6 @@ def inexact_friction(name: str, angles: Floats, bounds: Bounds, p: Floats) -> st
         return ""
     return (
         f"friction of contact {name!r} may be off by up to {100 * part[worst]:.2g} % of its bound where a gap closes "
-        f"between skins that are at an angle of {np.degrees(angles[worst]):.2g} degrees to each other in the mesh; "
-        'take geometry = "current", or flat skins with the gap as a clearance'
+        f"between surfaces that are at an angle of {np.degrees(angles[worst]):.2g} degrees to each other in the mesh; "
+        'take geometry = "current", or flat surfaces with the gap as a clearance'
     )

@@ -91,7 +91,7 @@ def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Itera
     k = int(ratio.argmax())
     place = ", ".join(space.told(positions(face.slave, points)[k] + space.origin))
     message = f"slave {joint.record.slave!r} overlaps master {joint.record.master!r} by {depth[k]:.4g} in the mesh, "
-    message += f"{worst:.2g} of a macro-element's size, near ({place}), and contact presses it apart"
+    message += f"{worst:.2g} of a macro-element's size, near ({place}), which contact would remove by pressure"
     advice = "move the bodies apart or give a clearance, or, if the overlap is intended, set max_penetration above it"
     yield named(f"{message}; {advice}", "gap")
 
@@ -126,7 +126,7 @@ def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
     worst = deep[depth[deep].argmax()]
     place = ", ".join(space.told(face.centre[worst] + space.origin[: space.dim]))
     message = f"{len(deep)} macro-elements of slave {joint.record.slave!r} lie inside the body of master "
-    message += f"{joint.record.master!r}, deeper than the search for a master reaches: by up to {depth[worst]:.6g}, "
+    message += f"{joint.record.master!r}, deeper than max_penetration: by up to {depth[worst]:.6g}, "
     message += f"near ({place})"
     advice = "move the bodies apart, or set max_penetration above that, and well below the bodies' thickness"
     raise wrong(joint.record, named(f"{message}; {advice}", "wrong-side"))

@@ -224,6 +224,6 @@ def _doubtful(space: Space, skin: Surface) -> str:
     middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
     place = ", ".join(space.told(middle + space.origin[: space.dim]))
     return (
-        f"its {doubt_text(float(doubt[worst]))} near ({place}), which is worth as great a part of Young's modulus "
-        "in the pressure; refine it there, put nodes on the line where two shapes touch, or take quadratic cells"
+        f"its {doubt_text(float(doubt[worst]))} near ({place}), which changes the pressure by as great a part of "
+        "Young's modulus; refine it there, put nodes on the line where two shapes touch, or take quadratic cells"
     )

@@ -23,7 +23,7 @@ def with_sections(case: Case, mesh: Mesh) -> Mesh:
             mesh.cells_of(record.group)
         except LacmeshError as error:
             a, b = sides_of(mesh, record)
-            raise wrong(record, f"{error}, and no two skins {a!r} and {b!r}") from None
+            raise wrong(record, f"{error}, and no two surfaces {a!r} and {b!r}") from None
     try:
         return split_skins(mesh, [record.group for record in records]).mesh
     except LacmeshError as error:

@@ -34,6 +34,6 @@ def turned_too_far(problem: Problem, before: float | None, t: float) -> str | No
         now, then = rotation(t), None if before is None else rotation(before)
         angle = 0.0 if now is None else float(np.linalg.norm(now if then is None else now - then))
         if angle > _QUARTER:
-            message = f"{said(record)} turns by {angle:.4g} radian in the step to time {t:.6g}, and bodies follow"
-            return f"{message} a quarter of a turn at most; take more steps ([steps] count) or max_halvings"
+            message = f"{said(record)} turns by {angle:.4g} radian in the step to time {t:.6g}, and the limit is"
+            return f"{message} a quarter of a turn; take more steps ([steps] count) or max_halvings"
     return None

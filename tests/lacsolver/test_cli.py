@@ -88,7 +88,7 @@ def test_the_summary_tells_friction_and_what_joints_carry(printed):
     text, zone = printed("run case.toml"), results()["contact"]["joint"]
     stick, slide = zone["sticking"], zone["sliding"]
     assert f"friction {stick} macro-elements stick, {slide} slide; largest slip of the step" in text
-    assert re.search(r"coupling load moved by \S+, \S+; force 0\.1, -0\.2 turned by \S+; moment ", text)
+    assert re.search(r"coupling load moved by \S+, \S+; force 0\.1, -0\.2 rotated by \S+; moment ", text)
     assert "equation level force" in text and stick + slide == zone["active"] > 0
 
 
@@ -202,7 +202,7 @@ def test_one_process_of_a_job_of_many_is_alone(told):
 def test_validate_tells_what_would_be_solved_and_counts_as_the_run_does(printed, folder):
     text = printed("validate case.toml")
     for part in (
-        *("model plane_strain, small strains", "cut made for this run"),
+        *("model plane_strain, small kinematics", "cut of this run"),
         *("rigid-body mode without support 'upper' moves along y", "contact joint: slave slave, master master"),
         "3 of 3 face the master; 100 % of the slave is covered",
         *("displacement bottom: uy = 0", "pressure top: value = 1, ramped"),
@@ -227,7 +227,7 @@ def test_validate_tells_the_wave_speeds_of_all_materials(printed, young, words):
 PRESENT = "present in the mesh"
 CUTS = {
     "cut": (lambda: lacmesh.cut_skin(blocks(), "slave").mesh, PRESENT),
-    "bare": (lambda: bare(), "made for this run"),
+    "bare": (lambda: bare(), "of this run"),
     "recognised": (lambda: lacmesh.recognise(bare(), "slave").mesh, PRESENT),
     **{
         kind: (lambda kind=kind: stack(kind, "QUAD4", 2, counts=(3, 2)), "not needed: every slave face is a macro")

@@ -174,7 +174,7 @@ def test_unloading_goes_back_the_way_it_came():
         check_uniform(problem, state, np.interp(state.time, *np.array(table).T))
 
 
-# ---- macro-elements that nothing can move: all nodes of both skins are prescribed
+# ---- macro-elements that nothing can move: all nodes of both surfaces are prescribed
 
 GLUE = Tie(slave="slave", master="master")
 BILATERAL = contact(type="bilateral")
@@ -197,7 +197,7 @@ def test_skins_that_fit_are_what_they_are(joint):
 @pytest.mark.parametrize(
     "joint, uz, says",
     [
-        (contact(), -0.01, "9 macro-elements overlap by up to 0.01 at time 1.*all nodes of both skins"),
+        (contact(), -0.01, "9 macro-elements overlap by up to 0.01 at time 1.*all nodes of both surfaces"),
         (BILATERAL, 0.02, "contact: 9 macro-elements are apart by up to 0.02"),
         (GLUE, 0.02, "tie: 9 macro-elements are apart by up to 0.02"),
         (contact(), [[0, 0], [0.5, 0.1], [1, -0.1]], "overlap by up to 0.1 at time 1"),

@@ -223,7 +223,7 @@ def test_a_block_slides_away_above_the_bound(made, asked):
     """The loop stops where the block is so far away that round-off hides what friction does not carry."""
     with pytest.raises(NotConvergedError, match=r"'upper' slides along x: friction of 'joint' carries 0.300") as caught:
         ls.solve(made())
-    found = float(str(caught.value).split(" is asked")[0].split()[-1])
+    found = float(str(caught.value).split(" is needed")[0].split()[-1])
     assert found == pytest.approx(MU * asked, abs=6e-4)  # the digits that are printed
 
 

@@ -218,7 +218,7 @@ def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interface
 
 
 @pytest.mark.rows("6", "10")
-@pytest.mark.filterwarnings("ignore:slave faces stand twice")
+@pytest.mark.filterwarnings("ignore:slave faces occur twice")
 @pytest.mark.parametrize("seed", range(12))
 def test_random_meshes(seed):
     rng = np.random.default_rng(seed)

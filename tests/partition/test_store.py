@@ -81,7 +81,7 @@ def test_the_folder_is_described(parts, cut):
     [
         ("", 4, (), RequestError, "no rank 4"),
         ("", 0, ["slav"], GroupNotFoundError, "did you mean slave"),
-        ("", 0, ["lower"], GroupNotFoundError, "skin faces named 'lower'"),
+        ("", 0, ["lower"], GroupNotFoundError, "faces named 'lower'"),
         ("other", 0, (), ReadError, "no folder of parts"),
         (FILE, 0, (), ReadError, "no folder of parts"),
         (REPOSITORY / "data", 0, (), ReadError, "no folder of parts"),

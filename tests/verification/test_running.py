@@ -190,7 +190,7 @@ def test_missed_result_is_the_exit_status(fake, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr()
     escaped = r"failed: FAILED: ValueError: the\x1b[31m mesh\n is <wrong>"
     assert all(f"fake/{line}" in printed.out for line in ("missed: MISSED 1 of 2", "a: met 2 of 2", escaped))
-    assert "2 of the results fall short (fake/failed: outcome; fake/missed: error)" in printed.err
+    assert "2 of the results miss their bound (fake/failed: outcome; fake/missed: error)" in printed.err
     assert "&lt;wrong&gt;" in Path("run/report.html").read_text()
     monkeypatch.setattr(plan, "plan", lambda *which: planned("a"))
     assert main(["run", "-q", "-j", "2", "--suite", "full"]) == 0

@@ -6,12 +6,12 @@ from lacmesh.cli.program import Program
 from verification.cli.commands import compare, list_, report, run_command
 
 EPILOG = """\
-Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong,
+Exit status: 0 every result is met, 1 some are missed, 2 the command is wrong,
 3 a file cannot be read or written, 130 interrupted, 143 terminated."""
 
 PROGRAM = Program(
     "verification",
-    "Reproduce what the LAC method promises: cases with known solutions, and how near lacsolver comes to them.",
+    "Compare lacsolver with known solutions, case by case.",
     EPILOG,
     (list_, run_command, report, compare),
     too_large="there is not enough memory; run fewer processes at once (-j 1)",

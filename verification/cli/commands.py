@@ -69,7 +69,7 @@ def list_(
         return
     print_table(("case", "levels", "what"), [(case.id, str(levels), case.description) for case, levels in planned])
     minutes = sum(case.seconds for case, _ in planned) / 60
-    print(f"{len(planned)} cases, about {minutes:.0f} minutes of one core")
+    print(f"{len(planned)} cases, with the levels of full about {minutes:.0f} minutes of one core")
 
 
 def _record(case: Case) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def run_command(
     output: Annotated[
         str | None, Option("--output", "-o", metavar="DIR", help="default: build/verification-SUITE")
     ] = None,
-    resume: Annotated[bool, Option("--resume", help="go on with the run that is in DIR: what is done stays")] = False,
+    resume: Annotated[bool, Option("--resume", help="continue the run in DIR, without its finished cases")] = False,
     informative: Informative = False,
     run: Run,
 ) -> None:
@@ -118,7 +118,7 @@ def run_command(
     print(f"{len(finished.done)} cases, {len(results)} results, {minutes:.1f} min; {folder / 'report.html'}")
     if missed:
         names = "; ".join(missed[:8]) + ("; ..." if len(missed) > 8 else "")
-        raise FallsShortError(f"{len(missed)} of the results fall short ({names}); see the report")
+        raise FallsShortError(f"{len(missed)} of the results miss their bound ({names}); see the report")
 
 
 def _possible(planned: Sequence[tuple[Case, int]]) -> list[tuple[Case, int]]:

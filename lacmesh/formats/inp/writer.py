@@ -387,7 +387,7 @@ class _Writer:
             self.clauses.append(f"{n} cells of lower dimension are in no group, and left out")
         some = np.flatnonzero(self.skin & ~self.is_element & grouped)
         if twice := len(some) - len(np.unique(self.parent[some] * 8 + self.facet[some])):
-            self.clauses.append(f"{twice} skin cells lie on others, and become one face with them")
+            self.clauses.append(f"{twice} surface cells coincide with others, and become one face with them")
 
     def _labels(self, groups: dict[str, Ints], of_cells: dict[str, Ints]) -> tuple[dict[str, str], dict[str, str]]:
         """Return the names of groups in the file, and of sets of the nodes of cells that are other nodes' names."""
