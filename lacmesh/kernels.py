@@ -279,4 +279,5 @@ def _numbers(arguments: Any) -> int:
 
 @functools.cache
 def _log_compilation() -> None:
-    logging.getLogger("lacmesh").info("compiling what this needs, 10 to 50 s, once; lacmesh compile does it beforehand")
+    message = "compiling loops that this command is the first to need, 10 to 50 s; lacmesh compile compiles all of them"
+    logging.getLogger("lacmesh").info(message)

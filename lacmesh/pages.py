@@ -90,15 +90,22 @@ def _html(text: str, path: Path) -> str:
             words = tokens[k + 1].content
             title = words if token.tag == "h1" else title
             token.attrSet("id", re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-"))
+        dead = False  # a link to a file of the checkout alone: its text stays
         for child in token.children or ():
             for key in {"link_open": ("href",), "image": ("src",)}.get(child.type, ()):
-                child.attrSet(key, _link(str(child.attrs[key]), path))
+                link = _link(str(child.attrs[key]), path)
+                child.attrSet(key, link or "")
+                dead = link is None if key == "href" else dead
+            child.hidden = dead and child.type in ("link_open", "link_close")
     body = parser.renderer.render(tokens, parser.options, {})
     return f'<!doctype html><meta charset="utf-8"><title>{title}</title><style>{_STYLE}</style>\n{body}'
 
 
-def _link(target: str, path: Path) -> str:
-    """Where a link of a page leads from its HTML: pages lie as their files do; other files stay where they are."""
+def _link(target: str, path: Path) -> str | None:
+    """Where a link of a page leads from its HTML; None if its file is not installed.
+
+    Pages lie as their files do; other files stay where they are.
+    """
     name, mark, anchor = target.partition("#")
     if not name or ":" in name:
         return target
@@ -106,4 +113,4 @@ def _link(target: str, path: Path) -> str:
         return f"{name.removesuffix('.md')}.html{mark}{anchor}"
     inside = re.sub(r"^(?:\.\./)+data/", "", name)
     file = data_folder() / inside if inside != name else path.parent / name
-    return file.resolve().as_uri() + mark + anchor
+    return file.resolve().as_uri() + mark + anchor if file.exists() else None

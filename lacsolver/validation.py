@@ -74,8 +74,9 @@ class ZoneFound:
 class Validation(Described):
     """Result of a validation.
 
-    `mesh`: the cut mesh; `cut_here`: True if the cut was made here and not read from the file; `whole`: True if each
-    slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
+    `mesh`: the cut mesh; `cut_here`: True if the cut was made here and not read from the file; `stars_here`: True if
+    all macro-elements are stars, made here without a cut; `whole`: True if each slave face is a macro-element by
+    itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
     `held`: rigid-body motions that only contact constrains, in words; `motion`: figures of a case with [dynamics].
     `loads`: resultant of each load at the end of the steps, with follower loads on the undeformed faces.
@@ -84,6 +85,7 @@ class Validation(Described):
 
     mesh: Mesh
     cut_here: bool = False
+    stars_here: bool = False
     whole: bool = False
     dim: int = 0
     unknowns: int = 0
@@ -126,6 +128,7 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
     parts = build(case, mesh, validation.looking)
     case = parts.case
     validation.mesh, validation.cut_here = parts.mesh, parts.prepared and parts.mesh.n_cells > mesh.n_cells
+    validation.stars_here = parts.prepared and is_cut(parts.mesh) and not (is_cut(mesh) or validation.cut_here)
     validation.whole = parts.prepared and _whole(parts.mesh)
     if parts.space is not None:
         validation.dim = parts.space.dim

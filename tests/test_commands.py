@@ -23,7 +23,7 @@ import lacmesh
 import lacsolver
 from lacmesh import Cut, cli
 from lacmesh.errors import LacmeshWarning
-from lacmesh.pages import pages
+from lacmesh.pages import _html, pages, pages_folder
 from lacsolver import cli as solver_cli
 from tests import REPOSITORY
 from tests.lacsolver.bad_cases import GOOD, blocks, put
@@ -109,6 +109,11 @@ def test_docs_opens_a_page_with_its_tables_whose_links_lead_to_files(monkeypatch
         for link in re.findall(r'(?:href|src)="([^"#]+)[^"]*"', page.read_text()):
             target = Path(unquote(urlparse(link).path)) if link.startswith("file:") else page.parent / link
             assert re.match(r"https?:", link) or target.exists(), (page.name, link)
+
+
+def test_a_link_of_a_page_to_a_file_that_is_not_installed_is_its_text():
+    page = _html("[a](none.md), [![b](figures/patterns.svg)](none.md), [c](solver.md)", pages_folder() / "README.md")
+    assert re.findall('href="([^"]+)"', page) == ["solver.html"] and "a, <img" in page and page.count("</a>") == 1
 
 
 def test_docs_names_the_text_of_a_page_where_there_is_no_browser(monkeypatch, capsys):

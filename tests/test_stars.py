@@ -140,3 +140,16 @@ def test_a_problem_has_new_stars_where_displacements_of_other_nodes_are_given():
     other = Problem.of(replace(case, displacement=(*fixed, ls.Displacement(group="some", ux=0))), mesh, like=problem)
     own, others = (one.space.mesh.node_data["lac_internal"][mesh.node_groups["some"]] >= 0 for one in (problem, other))
     assert own.all() and not others.any()
+
+
+def test_stars_are_not_named_a_cut_and_warn_on_a_mesh_that_has_been_cut():
+    mesh = stack(box((5, 5, 1), kind="HEXA8"), box((4, 4, 1), kind="HEXA8"))
+    case = ls.Case(
+        model="3d", material=[ls.Material(young=1.0, poisson=0.3)],
+        contact=[ls.Contact(slave="slave", master="master", macro="stars")],
+    )  # fmt: skip
+    for given, here in ((mesh, True), (lacmesh.cut_skin(mesh, "slave", macro="stars").mesh, False)):
+        found = ls.validate(case, given)
+        assert (found.stars_here, found.cut_here) == (here, False)
+    with pytest.warns(lacmesh.LacmeshWarning, match='macro = "stars" has no effect, .* name the uncut mesh'):
+        ls.validate(case, lacmesh.cut_skin(mesh, "slave").mesh)

@@ -208,6 +208,8 @@ def _cut(validation: Validation) -> str:
         return "none, because of the mistakes below"
     if validation.whole:
         return "not needed: every slave face is a macro-element as it is"
+    if validation.stars_here:
+        return "none: the macro-elements are stars"
     return "of this run" if validation.cut_here else "present in the mesh"
 
 

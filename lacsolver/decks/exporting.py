@@ -266,9 +266,12 @@ def _contact(export: Export, record: Contact) -> None:
 def _clearance(export: Export, record: Contact, slave: str, master: str) -> None:
     """Add the gap of a contact with its clearance, which replaces that of the mesh: it should be even."""
     zones = {zone.name: zone.gap for zone in validate(export.case, export.mesh).zones}
-    gap = even_gap(zones.get(record.name, (np.nan, np.nan)), export.mesh)
+    least, largest = zones.get(record.name, (np.nan, np.nan))
+    gap = even_gap((least, largest), export.mesh)
     if gap is None:
-        export.lack(record, "in CalculiX a clearance replaces the gap of the mesh, and this gap varies", "clearance")
+        varies = "is unknown" if np.isnan(least) else f"varies from {least:.6g} to {largest:.6g}"
+        reason = f"in CalculiX a clearance replaces the gap of the mesh, and this gap, with the clearance, {varies}"
+        export.lack(record, reason, "clearance")
     else:
         export.model.append(_card(f"CLEARANCE, MASTER={master}, SLAVE={slave}, VALUE={gap!r}"))
 

@@ -203,7 +203,7 @@ def read_state(
     with reading(folder):
         paths = states_in(folder)
     if not paths:
-        raise RequestError(f"{folder} holds no state to go on from (state_*.npz); name the folder of an earlier run")
+        raise RequestError(f"{folder} has no state to go on from (state_*.npz); name the folder of an earlier run")
     path = paths[-1] if from_time is None else _at(folder, paths, from_time)
     advice = _others(folder, paths, path)
     _tree(path, advice)
@@ -286,7 +286,7 @@ def _at(folder: Path, paths: list[Path], time: float) -> Path:
     matching = [path for path, there in times.items() if there is not None and same_time(there, time)]
     if not matching:
         known = ", ".join(f"{there:.9g}" for there in times.values() if there is not None) or "none that can be read"
-        raise RequestError(f"{folder} holds no state at t = {time:.9g}; there are: {known}")
+        raise RequestError(f"{folder} has no state at t = {time:.9g}; there are: {known}")
     return matching[-1]
 
 

@@ -161,10 +161,11 @@ def _by_rules(a: _Side, b: _Side) -> tuple[_Side, str]:
         if mine.n_faces >= FEW[a.dim] > other.n_faces:
             return mine, f"{other.name!r} has few faces, {other.n_faces}"
     seen = a.covered_by(b), b.covered_by(a)
-    for (mine, _), part, of_other in zip(((a, b), (b, a)), seen, seen[::-1], strict=True):
+    for (mine, other), part, of_other in zip(((a, b), (b, a)), seen, seen[::-1], strict=True):
         if part > of_other + _PART:
             whole = "its whole area" if part > 1 - _PART else f"{100 * part:.0f} % of its area"
-            return mine, f"it faces the other with {whole}, the other with {100 * of_other:.0f} %"
+            back = f"{other.name!r} faces it with {100 * of_other:.0f} %"
+            return mine, f"it faces {other.name!r} with {whole}, and {back}"
     for mine, other in ((a, b), (b, a)):
         if mine.young * _RATIO < other.young:
             return mine, f"it is softer: Young's modulus {mine.young:.4g} beside {other.young:.4g}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
+import numpy as np
+
 import lacmesh
 from lacmesh.checks import solution_defects
 from lacmesh.checks.findings import named
@@ -56,6 +58,7 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
             record = slaves[whole[0]]
             message = f"the mesh carries a cut of {', '.join(sorted(zones))}, and none of slave {whole[0]!r}"
             raise CaseError([Issue(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
+        _warn_of_stars(case, mesh)
         return mesh
     if not slaves:
         return mesh
@@ -82,6 +85,15 @@ def check_mesh(case: Case, mesh: Mesh) -> None:
             warnings.warn(LacmeshWarning(message), stacklevel=3)
     if wrong:
         raise CaseError(wrong)
+
+
+def _warn_of_stars(case: Case, mesh: Mesh) -> None:
+    """Warn if a case asks for stars, and each slave face of its mesh has been cut."""
+    record = next((record for record in (*case.contact, *case.ties) if record.macro == "stars"), None)
+    parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))
+    if record is not None and (parent[mesh.cell_data["lac_macro"] >= 0] >= 0).all():
+        message = 'macro = "stars" has no effect, as the mesh has been cut already; name the uncut mesh'
+        warnings.warn(LacmeshWarning(_place(record) + message), stacklevel=4)
 
 
 def _carried(mesh: Mesh, name: str) -> bool:

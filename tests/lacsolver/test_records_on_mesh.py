@@ -303,7 +303,7 @@ RULES = {
     "free": ({"supports": (GROUND, replace(PUSH, group="upper"))}, sides(), "a", "displacement of 'b' is prescribed"),
     "rigid": ({"supports": (GROUND, Rigid(group="upper", uy=-0.01))}, sides(), "a", "that of a rigid body"),
     "few": ({"young": (1.0, 0.5)}, sides(1, 4), "a", "'b' has few faces, 1"),
-    "covered": ({"young": (1.0, 2.0)}, sides(3, 8, wide=0.4), "b", "it faces the other with its whole area"),
+    "covered": ({"young": (1.0, 2.0)}, sides(3, 8, wide=0.4), "b", "it faces 'a' with its whole area"),
     "softer": ({"young": (2.0, 1.0)}, sides(3, 5), "b", "it is softer: Young's modulus 1 beside 2"),
     "finer": ({}, sides(4, 2), "b", "it is finer"),
     "alike": ({}, sides(3, 3), "a", "its name comes first"),
