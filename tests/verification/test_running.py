@@ -111,10 +111,10 @@ def test_case_that_measures_time_is_alone(fake, tmp_path):
     assert began["timed"][1] > began["halting"][1] + 0.5 and began["timed"][2] == len(os.sched_getaffinity(0))
 
 
-def test_processes_that_end_at_their_start_are_an_error(fake, tmp_path, monkeypatch):
-    monkeypatch.delenv("FAKES")
-    with pytest.raises(RuntimeError, match=r"no active workers|ended before fake/a"):
-        run(planned("ab"), tmp_path / "run")
+def test_processes_that_end_at_their_start_are_an_error(tmp_path):
+    words = [sys.executable, "-m", "tests.verification.fakes", "a,b", "run", "-j", "2", "-o", str(tmp_path / "run")]
+    ended = subprocess.run(words, cwd=plan.ROOT, capture_output=True, text=True, timeout=300, check=False)
+    assert ended.returncode == 1 and re.search(r"no active workers|ended before fake/a", ended.stderr)
     assert read_run(tmp_path / "run").done == ()
 
 
