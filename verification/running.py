@@ -246,7 +246,9 @@ class _Session:
         self.free.append(self.cores[node.gateway.id])
         if error:
             _kill(pid)
-            _, self.status = os.waitpid(pid, 0)
+            self.status = 0
+            with suppress(ChildProcessError):  # execnet was there first
+                _, self.status = os.waitpid(pid, 0)
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Take the time at which a case is begun."""
