@@ -1,4 +1,4 @@
-"""Lines that a case gives for the report, and their drawing by matplotlib."""
+"""Charts of the report, drawn by matplotlib, and pictures as addresses."""
 
 from __future__ import annotations
 
@@ -6,26 +6,22 @@ import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-_FORMATS = {"line": "k-", "points": ".", "both": ".-", "steps": "-"}
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (both ends of each step)."""
+    """A line of a plot; `expected`: drawn in black, without points."""
 
     label: str
     x: tuple[float, ...]
     y: tuple[float, ...]
-    style: Literal["line", "points", "both", "steps"] = "both"
+    expected: bool = False
 
 
 @dataclass(frozen=True)
 class Plot:
-    """Lines to draw. `kind`: what a report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
+    """Lines to draw."""
 
-    kind: str
     title: str
     x_label: str
     y_label: str
@@ -39,7 +35,7 @@ def sloping(lines: Sequence[Line], slope: float) -> Line:
     points = [(x, y) for line in lines for x, y in zip(line.x, line.y, strict=True) if x > 0 and y > 0]
     factor = 0.6 * min((y / x**slope for x, y in points), default=1.0)
     ends = tuple(sorted({x for x, _ in points}))
-    return Line(f"slope {slope:.3g}", ends, tuple(factor * x**slope for x in ends), "line")
+    return Line(f"slope {slope:.3g}", ends, tuple(factor * x**slope for x in ends), expected=True)
 
 
 def drawn(plots: Sequence[Plot]) -> str:
@@ -53,7 +49,7 @@ def drawn(plots: Sequence[Plot]) -> str:
     for k, plot in enumerate(plots):
         axes = figure.add_subplot(down, across, k + 1)
         for line in plot.lines:
-            axes.plot(line.x, line.y, _FORMATS[line.style], label=line.label or None)
+            axes.plot(line.x, line.y, "k-" if line.expected else ".-", label=line.label or None)
         for scaled, asked, name in ((axes.set_xscale, plot.log_x, "x"), (axes.set_yscale, plot.log_y, "y")):
             positive = any(v > 0 for line in plot.lines for v in getattr(line, name))
             scaled("log" if asked and positive else "linear")

@@ -1,9 +1,9 @@
 """Records of the harness: a case is a function with its data, its outcome results that are compared with known values.
 
-    family (its cases, each with what solves it) -> outcome (results, plots, pictures) -> folder of a run -> report
+    family (its cases, each with what solves it) -> outcome (results, pictures) -> folder of a run -> report
 
 A result is kept as `results.json` has it, with `bound`, which says how value, expected and tolerance are compared, and
-`published`, what others obtained; `plots` and `pictures` are the report's.
+`published`, what others obtained; `pictures` are the report's.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from functools import partial, wraps
 from inspect import signature
 from typing import Any, Literal
 
-from verification.charts import Plot
 from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it
@@ -126,17 +125,16 @@ class Outcome:
     """All that a case yields. `failure`: the reason, in a sentence, why there is nothing."""
 
     results: tuple[Result, ...] = ()
-    plots: tuple[Plot, ...] = ()
     pictures: tuple[Picture, ...] = field(default=(), repr=False)
     failure: str = ""
 
 
 #: a generator of the rows of an outcome
-Rows = Iterator[Result | Plot | Picture]
+Rows = Iterator[Result | Picture]
 
 
 def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
-    """Turn a generator of results, plots and pictures into a function that returns them as an outcome.
+    """Turn a generator of results and pictures into a function that returns them as an outcome.
 
     The number of meshes, `levels`, is passed on to generators that ask for it.
     """
@@ -147,7 +145,6 @@ def problem(rows: Callable[..., Rows]) -> Callable[..., Outcome]:
         yielded = tuple(rows(*given, **more, **({"levels": levels} if asked else {})))
         return Outcome(
             tuple(one for one in yielded if isinstance(one, Result)),
-            tuple(one for one in yielded if isinstance(one, Plot)),
             tuple(one for one in yielded if isinstance(one, Picture)),
         )
 

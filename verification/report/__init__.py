@@ -18,7 +18,7 @@ from verification.families import MODULES, family
 from verification.records import Result
 from verification.running import CaseResult, Run, rows
 
-#: plots of a kind and pictures that a family shows at most; lines of a chart, and charts of a picture
+#: pictures that a family shows at most; lines of a chart, and charts of a picture
 EXAMPLES, LINES, CHARTS = 6, 8, 12
 #: what a kept figure has of a result
 COLUMNS = ("case", "quantity", "value", "bound", "expected", "tolerance", "passed")
@@ -141,18 +141,16 @@ def _worst(own: Sequence[tuple[CaseResult, Result]]) -> tuple[object, ...]:
 
 
 def _pictures(cases: Sequence[CaseResult]) -> Iterator[str]:
-    """Errors over the size of the mesh, and examples of each kind of plot and of the pictures."""
+    """Errors over the size of the mesh, and examples of the pictures."""
     rated = [(done, r) for done, r in _every(cases) if len(r.levels) > 1]
     groups = _grouped(((r.quantity, r.expected), _errors(done, r)) for done, r in rated)
     charts = []
     for (quantity, slope), lines in groups.items():
         for k in range(0, len(lines), LINES):
             own = [*lines[k : k + LINES], *([sloping(lines[k : k + LINES], slope)] if slope else [])]
-            charts.append(Plot("errors", quantity, "h", "", tuple(own), log_x=True, log_y=True))
-    parts = [("errors over the size of the mesh", charts[k : k + CHARTS]) for k in range(0, len(charts), CHARTS)]
-    kinds = _grouped((plot.kind, plot) for done in cases for plot in done.outcome.plots)
-    for title, plots in (*parts, *((kind, _examples(own)) for kind, own in kinds.items())):
-        yield f'<img src="{drawn(plots)}" alt="{escape(title)}">'
+            charts.append(Plot(quantity, "h", "", tuple(own), log_x=True, log_y=True))
+    for k in range(0, len(charts), CHARTS):
+        yield f'<img src="{drawn(charts[k : k + CHARTS])}" alt="errors over the size of the mesh">'
     for one in _examples([picture for done in cases for picture in done.outcome.pictures]):
         yield f'<h4>{escape(one.title)}</h4><img src="{address("png", one.png)}" alt="{escape(one.alt)}">'
 
