@@ -17,8 +17,8 @@ beside them are merged with their neighbours, and p is the root of a parabola th
 Hertz's pressure is one. If fewer than 3 (9) remained, the open ones alone are merged, into the last ones in contact.
 
 Finally, each connected part of the contact gets the force of its p_m: linear interpolation between nodes has less or
-more force than the root; missing force goes to the nodes shared with open macro-elements, excess force is taken from
-the last nodes in contact. The rest is added where the fit misses the means by more than they scatter and than p changes
+more force than the root, by what it makes of the tip. A constant is added to p squared at the last nodes in contact,
+which moves the edge. The rest is added where the fit misses the means by more than they scatter and than p changes
 within a macro-element: at sharp edges of a body, where the pressure has no bound. So it leaves the middle as it is.
 What no macro-element lacks is scaled onto all.
 
@@ -26,6 +26,8 @@ The accuracy of this recovery, and errors that no recovery can correct, are desc
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +57,10 @@ _POOR = (1.0, 2.0)
 _USUAL = 1.5
 #: number of rings of macro-elements that are near the edge of contact
 _NEAR = 9
-#: largest factor by which the last nodes in contact are scaled
+#: largest factor by which the pressure at the last nodes in contact changes where the edge moves
 _MOST = 2.0
+#: of the interval of the constant that moves the edge, down to round-off
+_HALVINGS = 50
 
 
 def recover_pressure(
@@ -97,14 +101,11 @@ def recover_pressure(
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)
         edge = beside(slave.touch, opened, 1) & contact
-        near, last, outer = (
-            nodes_of(slave.touch, m) for m in (beside(slave.touch, edge, _NEAR) & contact, edge, opened)
-        )
+        near, last = (nodes_of(slave.touch, m) for m in (beside(slave.touch, edge, _NEAR) & contact, edge))
         p = np.maximum(p, 0.0)
-        if edge.any():
-            p = np.where(near, _nodal_roots(slave, means, contact, edge, opened), p)
+        q = np.where(near, _squares(slave, means, contact, edge, opened), p**2) if edge.any() else p**2
         covered = slave.area * np.where(status == UNPAIRED, 0.0, 1.0 if coverage is None else coverage)
-        p = _balanced(slave, p, means, contact, covered, scatter, last, last & outer)
+        p = _balanced(slave, q, means, contact, covered, scatter, last)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
     return nodal, slave.means @ p
@@ -147,8 +148,8 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> 
     return np.array([*_RIM, 1.0])[steps]
 
 
-def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opened: Bools) -> NDArray[np.floating]:
-    """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
+def _squares(slave: Slave, means: Floats, contact: Bools, edge: Bools, opened: Bools) -> NDArray[np.floating]:
+    """Return nodal values (k,) of parabolas whose roots, 0 where these are negative, have means fitted to p_m.
 
     Those `opened` beside the `edge` of contact, in which it may end, are merged into the macro-elements at the edge,
     and these into their neighbours: where 2 along each axis are in contact, and where 3 remain.
@@ -158,7 +159,7 @@ def _nodal_roots(slave: Slave, means: Floats, contact: Bools, edge: Bools, opene
     if len(merged.area) < 3**slave.dim:
         merged, W = _merged(slave, contact, edge, beyond, edge & False)
     q, _ = fitted(merged, merged.touch, W @ means, root=True)
-    return np.sqrt(np.maximum(nodal_means(merged.touch, q), 0.0))
+    return nodal_means(merged.touch, q)
 
 
 def _merged(slave: Slave, contact: Bools, last: Bools, beyond: Bools, inner: Bools) -> tuple[Slave, csr_array]:
@@ -189,41 +190,60 @@ def _shared(shares: csr_array) -> csr_array:
 
 
 def _balanced(
-    slave: Slave, p: Floats, means: Floats, contact: Bools, covered: Floats, scatter: Floats, last: Bools,
-    outer: Bools,
-) -> NDArray[np.floating]:  # fmt: skip
-    """Correct nodal values p >= 0 (k,) so that each connected part of the contact has the force of its p_m.
+    slave: Slave, q: Floats, means: Floats, contact: Bools, covered: Floats, scatter: Floats, last: Bools
+) -> NDArray[np.floating]:
+    """Return nodal values (k,) of the pressure, with which each connected part of the contact has the force of its p_m.
 
-    The force is that on the `covered` areas (n,). Missing force is first given to the `outer` nodes (k,), up to the
-    p_m next to them; then the `last` nodes are scaled, within bounds; then nodes where the fit misses the means by more
-    than their `scatter` (n,) are corrected; then all are scaled.
+    `q` (k,): squares of the pressure, negative beyond the edge of contact. The force is that on the `covered` areas
+    (n,). First the edge moves, by a constant that is added to q at the `last` nodes (k,); then nodes where the fit
+    misses the means by more than their `scatter` (n,) are corrected; then all are scaled.
     """
     touch = only(slave.touch, contact)
     part = joined_columns(touch)
     held = np.flatnonzero(np.diff(touch.indptr))
     of_node = part[touch.indices[touch.indptr[held]]]
     integral = (slave.means.T @ covered)[held]
-    wanted, out = np.bincount(part, covered * means), p[held]
+    wanted = np.bincount(part, covered * means)
 
-    def lacking(share: Floats) -> NDArray[np.floating]:
-        """Return the missing force of each part, (parts,), relative to the force of a share of the pressures."""
-        lack = wanted - np.bincount(of_node, integral * out, minlength=len(wanted))
-        theirs = np.bincount(of_node, integral * share, minlength=len(wanted))
-        return np.divide(lack, theirs, out=np.zeros_like(wanted), where=theirs > 0)
+    def lacking(p: Floats) -> NDArray[np.floating]:
+        """Return the missing force (parts,) of nodal values p."""
+        return np.asarray(wanted - np.bincount(of_node, integral * p, minlength=len(wanted)))
 
-    more = np.maximum(lacking(outer[held].astype(float)), 0.0)[of_node]
-    out = out + np.where(outer[held], np.minimum(more, (touch @ means)[held]), 0.0)
-    factor = np.clip(1 + lacking(np.where(last[held], out, 0.0)), 1 / _MOST, _MOST)[of_node]
-    out = np.where(last[held], out * factor, out)
-    balanced = p.copy()
+    def shares(p: Floats) -> NDArray[np.floating]:
+        """Return the missing force (parts,) of the balanced values, relative to the force of p."""
+        theirs = np.bincount(of_node, integral * p, minlength=len(wanted))
+        return np.divide(lacking(out), theirs, out=np.zeros_like(wanted), where=theirs > 0)
+
+    out = _moved(q[held], last[held], of_node, lacking)
+    balanced = np.sqrt(np.maximum(q, 0.0))
     balanced[held] = out
     missed = _missed(slave, balanced, means, scatter)
-    missed = np.where(missed * np.sign(lacking(np.ones_like(out)))[part] > 0, missed, 0.0)
+    missed = np.where(missed * np.sign(lacking(out))[part] > 0, missed, 0.0)
     local = (touch @ (covered * missed))[held] / np.maximum((touch @ covered)[held], np.finfo(float).tiny)
     local = np.maximum(local, -out)
-    out = out + np.minimum(np.abs(lacking(np.abs(local))), 1.0)[of_node] * local
-    balanced[held] = out * (1 + lacking(out))[of_node]
+    out = out + np.minimum(np.abs(shares(np.abs(local))), 1.0)[of_node] * local
+    balanced[held] = out * (1 + shares(out))[of_node]
     return balanced
+
+
+def _moved(q: Floats, last: Bools, part: Ints, lacking: Callable[[Floats], Floats]) -> NDArray[np.floating]:
+    """Return the roots (k,) of q, 0 where it is negative, after the edge of contact has moved to where no force lacks.
+
+    A constant for each `part` (k,) of the contact is added to q at the `last` nodes. It is bisected within bounds, at
+    which the largest of these pressures changes by the factor `_MOST`. `lacking`: the missing force (parts,).
+    """
+
+    def root(c: Floats) -> NDArray[np.floating]:
+        return np.sqrt(np.maximum(q + np.where(last, c[part], 0.0), 0.0))
+
+    largest = np.zeros_like(lacking(q))
+    np.maximum.at(largest, part[last], q[last])
+    low, high = (1 / _MOST**2 - 1) * largest, (_MOST**2 - 1) * largest
+    for _ in range(_HALVINGS):
+        c = (low + high) / 2
+        more = lacking(root(c)) > 0
+        low, high = np.where(more, c, low), np.where(more, high, c)
+    return root((low + high) / 2)
 
 
 def _missed(slave: Slave, p: Floats, means: Floats, scatter: Floats) -> NDArray[np.floating]:

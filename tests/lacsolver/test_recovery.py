@@ -184,6 +184,16 @@ def test_contact_that_reaches_into_an_open_macro_element(edge):
     assert mean.sum() == pytest.approx(p.sum())
 
 
+@pytest.mark.parametrize("edge", [17.1, 17.3, 17.5, 17.7])
+def test_force_of_interpolation_beyond_the_edge_is_taken_from_the_edge_alone(edge):
+    """Stars of two segments; the last one lacks force that its neighbour has, as in contact of linear faces."""
+    p, exact = hertz_means(edge, 24).reshape(12, 2).mean(axis=1), np.sqrt(1 - (np.arange(18.0) / edge) ** 2)
+    p[7:9] += 0.06, -0.06
+    nodal, mean = recover_pressure(row_of(24), np.arange(24) // 2, p, np.where(p > 0, CONTACT, OPEN))
+    assert nodal[:17] == pytest.approx(exact[:17], abs=0.016) and nodal[17] == pytest.approx(exact[17], abs=0.03)
+    assert mean.sum() == pytest.approx(p.sum())
+
+
 @pytest.mark.parametrize(("macros", "corner", "off"), [(8, 0.0, 0.08), (5, 1.3, 0.12)])
 def test_few_macro_elements_in_space_have_round_roots(macros, corner, off):
     """Hertz's pressure on stars of four faces: a quarter of the contact, and all of it; open ones give their share."""

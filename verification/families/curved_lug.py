@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacsolver.problem.problem import Problem
-from verification.records import Result, at_most, equal, problem
+from verification.records import Result, at_most, equal, informative, problem
 from verification.solving import Solved, balanced, case_text, contact, entry, finished, fixed, material, with_true_gap
 
 Floats = NDArray[np.floating]
@@ -36,7 +36,11 @@ _USED = (
     "what engineers can use: a tenth of the number and 15 % of the pressure; where TETRA4 with the true gap, which are "
     "stiffer than TETRA10, lack more of the number, as much as these, give or take two macro-elements"
 )
-_EDGE = "the goal of stars; the exact pressure at the edges is infinite, so that fewer pressures are lower there"
+_MIDDLE = "the goal of stars, where the exact pressure is finite"
+_EDGE = (
+    "the exact pressure at the edges is infinite: every mean there depends on its area, and that of TETRA10 rises from "
+    "1,400 to 1,970 as its faces shrink from 3.4 to 1.4"
+)
 #: largest errors of the number of macro-elements and of the pressure
 _CLOSED, _PRESSURE = 0.10, 0.15
 
@@ -61,8 +65,11 @@ def solve_case(sizes: tuple[float, ...] = (2.0, 1.2), *, levels: int) -> Iterato
             yield at_most(quantity, abs(error), allowed, source=_SOURCE, reason=_USED)
         for where, far in ((" away from the edges", _AWAY), ("", np.inf)):
             peaks = [own.zone.pressure[np.abs(own.zone.centre[:, 1]) < far].max() for own in (starred, right)]
-            name = f"highest pressure{where} over that of TETRA10, size {size:g}, stars"
-            yield equal(name, peaks[0] / peaks[1], 1.0, 0.15, source=_SOURCE, reason=_EDGE)
+            name, over = f"highest pressure{where} over that of TETRA10, size {size:g}, stars", peaks[0] / peaks[1]
+            if np.isinf(far):
+                yield informative(name, over, reason=_EDGE, source=_SOURCE)
+            else:
+                yield equal(name, over, 1.0, 0.15, source=_SOURCE, reason=_MIDDLE)
     yield from balanced(every)
 
 
