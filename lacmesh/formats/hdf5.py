@@ -194,6 +194,12 @@ def add_group(parent: h5py.Group, name: str, **attributes: int | float | str) ->
     return group
 
 
+def make_room(group: h5py.Group, n_bytes: int = 2048) -> None:
+    """Make the header of a group larger: HDF5 else moves links in it, and libmed reads the first eight out of order."""
+    group.attrs.create("ROOM", np.bytes_(b" " * n_bytes))
+    del group.attrs["ROOM"]
+
+
 def add_array(parent: h5py.Group, name: str, array: NDArray, **attributes: int) -> None:
     """Create a dataset with attributes."""
     set_attributes(parent.create_dataset(name, data=array), **attributes)

@@ -216,6 +216,7 @@ def _write_field(
     width, kind = arrays[0].values.shape[1], np.result_type(*(one.values for one in arrays))
     blank = " " * (_SHORT * width)
     field = hdf5.add_group(home, name, MAI=mesh, NCO=width, TYP=_KINDS[kind.name], NOM=blank, UNI=blank, UNT="")
+    hdf5.make_room(field)
     used = []
     for number, order in sorted({(one.step.number, one.step.order) for one in arrays}):
         if max(number, order) >= 2**31 or min(number, order) < -(2**31):
