@@ -11,14 +11,13 @@ from lacmesh.deck import key_of
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.points import face_measure
-from lacmesh.topology.skin import FaceIncidence, facets_of
 from lacsolver.case import Case, CaseError, Contact, Issue
 from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused, look_up
 from lacsolver.decks.histories import from_step_on
 from lacsolver.decks.import_ import Import, Interaction, Pair
 from lacsolver.decks.joints import cyclic_tie
 from lacsolver.decks.materials import check_rows
-from lacsolver.decks.names import SIDES
+from lacsolver.decks.names import SIDES, faces_at
 from lacsolver.problem.roles import FEW
 from lacsolver.validation import validate
 
@@ -196,10 +195,7 @@ def clearance(import_: Import, card: Card) -> None:
     value = (card.number("VALUE"), card)
 
     def set_later() -> None:
-        own = [pair for pair in import_.pairs if (pair.slave, pair.master) == (slave, master) and not pair.tie]
-        if not own:
-            raise Refused(f"there is no *CONTACT PAIR of {slave} and {master}; name one of them")
-        for pair in own:
+        for pair in _pairs_of(import_, slave, master):
             pair.clearance = value
 
     import_.later("material", card, set_later)
@@ -214,11 +210,15 @@ def model_change(import_: Import, card: Card) -> None:
         raise Refused("the option ADD or REMOVE is missing")
     for row in card.rows:
         slave, master = row.two_skins()
-        names = key_of(slave), key_of(master)
-        own = [pair for pair in import_.pairs if (pair.slave, pair.master) == names and not pair.tie]
-        if not own:
-            raise Refused(f"there is no *CONTACT PAIR of {slave} and {master}; name one of them", row)
-        own[0].changes.append((now, "ADD" in card.options, card))
+        _pairs_of(import_, slave, master, row)[0].changes.append((now, "ADD" in card.options, card))
+
+
+def _pairs_of(import_: Import, slave: str, master: str, row: DeckLine | None = None) -> list[Pair]:
+    """Return the contact pairs of a slave and a master. Raises Refused if there are none."""
+    names = key_of(slave), key_of(master)
+    if own := [pair for pair in import_.pairs if (pair.slave, pair.master) == names and not pair.tie]:
+        return own
+    raise Refused(f"there is no *CONTACT PAIR of {slave} and {master}; name one of them", row)
 
 
 # ---- records
@@ -291,9 +291,7 @@ def _tied_within(import_: Import, name: str, slave: Ints, master: Ints, pair: Pa
 def _surface(import_: Import, facets: Ints) -> Surface:
     """Return the surface of facets (k,) of the mesh."""
     mesh = import_.names.mesh
-    cells, sides = np.divmod(facets, SIDES)
-    faces = facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, sides, np.ones(len(cells), bool)))
-    return Surface(mesh.points, faces, cells, mesh.dim - 1, np.full(len(cells), np.nan))
+    return Surface(mesh.points, faces_at(mesh, facets), facets // SIDES, mesh.dim - 1, np.full(len(facets), np.nan))
 
 
 def _exchanged(import_: Import, pairs: list[Pair], slave: tuple[str, Ints], master: tuple[str, Ints]) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,10 @@ from lacsolver.case import (
     Rigid,
     Spring,
     Tie,
+    Value,
     check_groups,
 )  # fmt: skip
+from lacsolver.case.value_kinds import FREE
 from lacsolver.decks.contact import even_gap
 from lacsolver.problem.skin import mesh_of
 from lacsolver.validation import validate
@@ -100,30 +102,36 @@ class Export:
         self.nodes[chosen] = nodes
         return chosen
 
-    def over_time(self, value: Any) -> tuple[float, str]:
-        """Return a value, and the option of a card with its amplitude: 0 and "" of a value that is always 0.
-
-        Raises ValueError for a value that depends on the place.
-        """
+    def amplitude(self, value: Value) -> str:
+        """Return the option of a card by which 1.0 on it is a value over time; "" of a value that is always 0."""
         inside = {t for t, _ in value.source if t < self.end} if isinstance(value.source, tuple) else set()
-        ramp = {value.ramp_start, value.ramp_end} - {None}
+        ramp = {value.ramp_start} | ({value.ramp_end} if value.ramp_end is not None else set())
         times = sorted({0.0, *inside, *ramp, *self.case.steps.planned})
         rows = tuple((t, value.at(t)) for t in times)
         if not any(v for _, v in rows):
-            return 0.0, ""
-        return 1.0, f", AMPLITUDE={self.amplitudes.setdefault(rows, f'A{len(self.amplitudes) + 1}')}"
+            return ""
+        return f", AMPLITUDE={self.amplitudes.setdefault(rows, f'A{len(self.amplitudes) + 1}')}"
 
-    def acting(self, record: Any, keys: Iterable[str]) -> list[tuple[str, float, str]]:
-        """Return each key of a record that is given, with its value and the option of its amplitude."""
-        out = []
-        for key in keys:
-            if (value := getattr(record, key)) is None:
-                continue
-            try:
-                out.append((key, *self.over_time(value)))
-            except ValueError:
+    def given(self, record: Any, *keys: str) -> Iterator[tuple[int, Value]]:
+        """Yield the direction, 1 to 3, and the value of each key of a record that is given."""
+        for direction, key in enumerate(keys, 1):
+            value = getattr(record, key)
+            if value is not None and value.depends_on_place:
                 self.lack(record, "the value depends on the place", key)
-        return out
+            elif value is not None:
+                yield direction, value
+
+    def load(self, card: str, value: Value, *fields: Any, after: Iterable[float] = ()) -> None:
+        """Add a load to the first step, unless it is always 0; its size stands between `fields` and those `after`."""
+        if option := self.amplitude(value):
+            self.loads.append(_card(f"{card}{option}", (*fields, 1.0, *after)))
+
+    def support(self, nodes: Any, direction: int, value: Value | None) -> None:
+        """Fix a direction of nodes in the model, or prescribe its displacement from the first step on."""
+        if value is not None and self.amplitude(value):
+            self.load("BOUNDARY", value, nodes, direction, direction)
+        else:
+            self.model.append(_card("BOUNDARY", (nodes, direction, direction)))
 
 
 def export_deck(case: Case, path: str | Path, *, mesh: Mesh | None = None, partial: bool = False) -> list[str]:
@@ -296,12 +304,8 @@ def _tie(export: Export, record: Tie) -> None:
 def _displacement(export: Export, record: Displacement) -> None:
     """Add a support, in the model if it is 0, else in the first step."""
     name = export.node_set(record)
-    for key, value, option in export.acting(record, ("ux", "uy", "uz")):
-        axis = AXES.index(key[1]) + 1
-        if option:
-            export.loads.append(_card(f"BOUNDARY{option}", (name, axis, axis, value)))
-        else:
-            export.model.append(_card("BOUNDARY", (name, axis, axis)))
+    for direction, value in export.given(record, "ux", "uy", "uz"):
+        export.support(name, direction, value)
 
 
 def _force(export: Export, record: Force) -> None:
@@ -309,26 +313,22 @@ def _force(export: Export, record: Force) -> None:
     if record.total:
         return
     name = export.node_set(record)
-    for key, value, option in export.acting(record, ("fx", "fy", "fz")):
-        if option:
-            export.loads.append(_card(f"CLOAD{option}", (name, AXES.index(key[1]) + 1, value)))
+    for direction, value in export.given(record, "fx", "fy", "fz"):
+        export.load("CLOAD", value, name, direction)
 
 
 def _pressure(export: Export, record: Pressure) -> None:
     """Add a pressure on a surface; with NLGEOM it follows its faces."""
     if export.case.kinematics == "finite" and not record.follower:
         export.lack(record, "with NLGEOM a pressure follows its faces: set follower = true")
-    for _, value, option in export.acting(record, ("value",)):
-        if option:
-            export.loads.append(_card(f"DSLOAD{option}", (label(record.group), "P", value)))
+    for _, value in export.given(record, "value"):
+        export.load("DSLOAD", value, label(record.group), "P")
 
 
 def _gravity(export: Export, record: Any) -> None:
     """Add the weight of all elements along each axis."""
-    for key, value, option in export.acting(record, ("gx", "gy", "gz")):
-        way = [float(axis == key[1]) for axis in AXES]
-        if option:
-            export.loads.append(_card(f"DLOAD{option}", ("E_ALL", "GRAV", value, *way)))
+    for direction, value in export.given(record, "gx", "gy", "gz"):
+        export.load("DLOAD", value, "E_ALL", "GRAV", after=np.eye(3)[direction - 1].tolist())
 
 
 def _rigid(export: Export, record: Rigid) -> None:
@@ -346,29 +346,18 @@ def _rigid(export: Export, record: Rigid) -> None:
         _card("NODE", *((first + k, *centre.tolist()) for k in range(2))),
         _card(f"RIGID BODY, NSET={name}, REF NODE={first}, ROT NODE={first + 1}"),
     ]
-    turned, moment = (_listed(values, dim) for values in (record.rotation, record.moment))
-    axes = range(dim) if dim == 3 else (2,)
-    for node, ways, moved, pushed in (
-        (first, range(dim), [getattr(record, f"u{a}") for a in AXES], [getattr(record, f"f{a}") for a in AXES]),
-        (first + 1, axes, turned, moment),
-    ):
-        for axis in ways:
-            load, free = moved[axis], pushed[axis] is not None
-            value, option = export.over_time(pushed[axis] if free else load) if free or load is not None else (0.0, "")
-            if free and option:
-                export.loads.append(_card(f"CLOAD{option}", (node, axis + 1, value)))
-            elif not free and option:
-                export.loads.append(_card(f"BOUNDARY{option}", (node, axis + 1, axis + 1, value)))
-            elif not free:
-                export.model.append(_card("BOUNDARY", (node, axis + 1, axis + 1)))
-
-
-def _listed(values: Any, dim: int) -> list[Any]:
-    """Return three values about x, y and z: None for those that are not given, or free."""
-    if values is None:
-        return [None] * 3
-    own = [None if one == "free" else one for one in (values if isinstance(values, tuple) else (values,))]
-    return own if dim == 3 else [None, None, own[0]]
+    directions = range(1, dim + 1)
+    about = directions if dim == 3 else (3,)
+    none = (None,) * len(about)
+    of_place = [
+        (first, k, getattr(record, f"u{a}"), getattr(record, f"f{a}")) for k, a in zip(directions, AXES, strict=False)
+    ]
+    turned = zip(about, record.rotation or none, record.moment or none, strict=True)
+    for node, direction, moved, pushed in (*of_place, *((first + 1, *one) for one in turned)):
+        if moved not in (None, FREE) or (moved is None and pushed is None):
+            export.support(node, direction, moved)
+        elif pushed is not None:
+            export.load("CLOAD", pushed, node, direction)
 
 
 def _spring(export: Export, record: Spring) -> None:

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lacmesh.cells import CELLS
 from lacmesh.mesh import Ints, Mesh, concatenated, places_of
-from lacmesh.topology.skin import cells_of_dim
-from lacsolver.decks.names import SIDES
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, cells_of_dim
+from lacsolver.decks.names import faces_at
 
 
 @dataclass
@@ -46,15 +45,17 @@ class DeckGroups:
         old = np.concatenate([cells for _, _, cells in cells_of_dim(mesh, mesh.dim)])
         place = places_of(old, mesh.n_cells)
         facets = np.unique(concatenated(self.skins.values()))
-        skins, order = _skin_cells(mesh, facets)
+        faces = faces_at(mesh, facets)
+        rows = [np.flatnonzero(faces.type == code) for code in np.unique(faces.type)]
+        blocks += [(FACE_TYPES[faces.type[of[0]]], faces.nodes[of, : N_NODES[faces.type[of[0]]]]) for of in rows]
         new = np.empty(len(facets), np.int64)
-        new[order] = len(old) + np.arange(len(facets))
+        new[concatenated(rows)] = len(old) + np.arange(len(facets))
         groups = {name: place[cells] for name, cells in self.cells.items()}
         groups |= {name: new[np.searchsorted(facets, some)] for name, some in self.skins.items()}
         number = mesh.cell_number[old]
         return Mesh.create(
             mesh.points,
-            [*blocks, *skins],
+            blocks,
             space_dim=mesh.dim,
             node_number=mesh.node_number,
             cell_number=np.append(number, number.max() + 1 + np.arange(len(facets))),
@@ -62,18 +63,3 @@ class DeckGroups:
             node_groups=self.nodes,
             name=mesh.name,
         )
-
-
-def _skin_cells(mesh: Mesh, facets: Ints) -> tuple[list[tuple[str, Ints]], Ints]:
-    """Return the cells on some facets, one (type, nodes) for each type, and the rows of `facets` in their order."""
-    parts: dict[str, list[tuple[Ints, Ints]]] = {}
-    cells, places = np.divmod(facets, SIDES)
-    for kind, nodes, own in cells_of_dim(mesh, mesh.dim):
-        first = own[0] if len(own) else 0
-        for k, facet in enumerate(CELLS[kind].facets):
-            rows = np.flatnonzero((cells >= first) & (cells < first + len(own)) & (places == k))
-            if len(rows):
-                parts.setdefault(facet.type, []).append((nodes[cells[rows] - first][:, facet.nodes], rows))
-    blocks = [(kind, np.concatenate([nodes for nodes, _ in some])) for kind, some in parts.items()]
-    order = [rows for some in parts.values() for _, rows in some]
-    return blocks, concatenated(order)

@@ -14,7 +14,7 @@ from lacmesh.formats.inp.elements import FACETS
 from lacmesh.indices import Index
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.facets import Facets
-from lacmesh.topology.skin import FaceIncidence, cells_of_dim, faces_of, facets_of, find_owners
+from lacmesh.topology.skin import FaceIncidence, Faces, cells_of_dim, faces_of, facets_of, find_owners
 from lacsolver.decks.cards import DeckLine, Refused, look_up
 
 #: number of a facet: this times its cell, and its place
@@ -120,8 +120,7 @@ class Names:
 
     def inner(self, facets: Ints) -> Ints:
         """Return those of some facets that lie between two cells."""
-        cell, place = self._boundary
-        return facets[~np.isin(facets, cell * SIDES + place)]
+        return facets[~np.isin(facets, self._boundary)]
 
     def of_nodes(self, text: str) -> bool:
         """True if a surface is one of nodes."""
@@ -132,13 +131,11 @@ class Names:
         """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
         chosen = mask_of(self.mesh.n_nodes + 1, self.mesh.node_groups[name])
         chosen[-1] = True  # faces of few nodes are padded with -1
-        cell, facet = self._boundary
-        faces = facets_of(self.mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool)))
-        inside = chosen[faces.nodes].all(axis=1)
+        inside = chosen[faces_at(self.mesh, self._boundary).nodes].all(axis=1)
         if not inside.any():
             message = f"no face of the bodies has all its nodes in the surface of nodes {name!r}"
             raise Refused(f"{message}; name a surface of element faces", row)
-        return cell[inside] * SIDES + facet[inside]
+        return self._boundary[inside]
 
     @cached_property
     def in_cells(self) -> NDArray[np.bool_]:
@@ -146,11 +143,11 @@ class Names:
         return mask_of(self.mesh.n_nodes, *(nodes for _, nodes, _ in cells_of_dim(self.mesh, self.mesh.dim)))
 
     @cached_property
-    def _boundary(self) -> tuple[Ints, Ints]:
-        """Cells and places of the facets that belong to one cell only."""
+    def _boundary(self) -> Ints:
+        """Numbers of the facets that belong to one cell only."""
         facets = Facets.of(self.mesh)
         rows, facet = facets.boundary
-        return facets.solid.cells[rows].astype(np.int64), facet.astype(np.int64)
+        return np.asarray(facets.solid.cells[rows].astype(np.int64) * SIDES + facet)
 
     @cached_property
     def _node_index(self) -> Index:
@@ -160,6 +157,12 @@ class Names:
     def _cell_index(self) -> Index:
         """Cells by number; skin cells, whose numbers are no elements of the deck, come after these."""
         return Index(self.mesh.cell_number)
+
+
+def faces_at(mesh: Mesh, facets: Ints) -> Faces:
+    """Return the faces of some facets (k,), in their order."""
+    cells, places = np.divmod(facets, SIDES)
+    return facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, places, np.ones(len(cells), bool)))
 
 
 def _is_number(text: str) -> bool:

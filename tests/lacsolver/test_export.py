@@ -95,6 +95,17 @@ def test_a_rigid_body_and_springs(tmp_path):
     assert body.rotation is None and [one.at(1) for one in body.moment] == [0, 0, 4]
 
 
+def test_a_rigid_body_turns_about_the_axes_that_are_free_alone(tmp_path):
+    turns, moment = 'rotation = ["free", 0, 0.1]\n', "moment = [3.0, 0, 0]\n"
+    case = case_of(tmp_path, f'[[rigid]]\ngroup = "top"\n{turns}{moment}[[rigid]]\ngroup = "master"\n{turns}')
+    export_deck(case, tmp_path / "job.inp", partial=True)
+    rows = (tmp_path / "job.inp").read_text().split("*RIGID BODY")[1:]
+    first, second = (int(row.partition("ROT NODE=")[2].split()[0]) for row in rows)
+    text = (tmp_path / "job.inp").read_text()
+    assert [f"\n{node}, {k}, {k}\n" in text for node in (first, second) for k in (1, 2, 3)] == [False, True, False] * 2
+    assert f"\n{first}, 1, 1.0\n" in text and f"\n{first}, 3, 3, 1.0\n" in text and f"\n{second}, 3, 3, 1.0\n" in text
+
+
 def test_rubber_and_a_wall_without_cells(tmp_path):
     """The constants of rubber come back; a wall of faces alone has no contact in CalculiX, with --partial neither."""
     changes = {"model": 'kinematics = "finite"\n', "young": 'law = "neo_hookean"\n', "value": "follower = true\n"}
