@@ -7,7 +7,6 @@ mesh.npz, state_NUMBER.npz -> mesh, fields                                 at th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,16 +17,12 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
-from lacsolver.output.names import HISTORY
-from lacsolver.output.states import StoredFields
-from lacsolver.output.summary import read_summary
-from lacsolver.output.tables import read_table, same_time
-from lacsolver.results.units import Units
+from lacsolver.output.finished import FinishedRun
+from lacsolver.output.tables import same_time
 from lacsolver.solution import Solution
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class RunResults(Described):
+class RunResults(FinishedRun, Described):
     """Results of a run in its folder. `summary`: content of results.json.
 
     `history`: columns of history.csv by name, an array (steps,) each, NaN where there is no value. `status`: done,
@@ -44,10 +39,6 @@ class RunResults(Described):
     ('done', [0.5, 1.0], 2, (36,))
     """
 
-    folder: Path
-    summary: Mapping[str, Any]
-    history: Mapping[str, NDArray[np.floating]]
-
     @property
     def status(self) -> str:
         """Status of the run: done, running, interrupted or failed."""
@@ -59,13 +50,9 @@ class RunResults(Described):
         return str(self.summary.get("message", ""))
 
     @cached_property
-    def _series(self) -> StoredFields:
-        return StoredFields(self.folder)
-
-    @cached_property
     def times(self) -> NDArray[np.floating]:
         """Times (k,) at which fields were written."""
-        return np.array(self._series.times)
+        return np.array(self.stored.times)
 
     def solution(self, i: int = -1) -> Solution:
         """Return the solution at the i-th of `times`, the last by default. Raises IndexError, ReadError."""
@@ -73,14 +60,13 @@ class RunResults(Described):
         time, history = float(self.times[i]), self.history
         row = next((k for k, t in enumerate(history["time"]) if same_time(t, time)), None)
         iterations = 0 if row is None else int(history["iterations"][row])
-        fields = self._series.read(i)
+        fields = self.stored.read(i)
         step: Mapping[str, Any] = next((one for one in self.summary["steps"] if same_time(one["time"], time)), {})
         of_step = {
             what: {name: np.array(values, dtype=float) for name, values in step.get(what, {}).items()}
             for what in ("reactions", "probes")
         }
-        units = Units.of(self.summary.get("units"))
-        return Solution(self._series.mesh, time, iterations, lambda: fields, units=units, _of_step=of_step)
+        return Solution(self.stored.mesh, time, iterations, lambda: fields, units=self.units, _of_step=of_step)
 
     def report(self, path: str | Path) -> None:
         """Write the page of `lacsolver report` on the run. Raises RequestError, ReadError, WriteError."""
@@ -114,5 +100,6 @@ def read_results(folder: str | Path) -> RunResults:
     Traceback (most recent call last):
     lacmesh.errors.ReadError: data: holds no results of a run (no results.json)
     """
-    folder = Path(folder)
-    return RunResults(folder, read_summary(folder), read_table(folder / HISTORY))
+    results = RunResults(Path(folder))
+    results.summary, results.history  # noqa: B018 (raises where they are missing)
+    return results

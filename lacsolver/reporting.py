@@ -18,20 +18,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, ReadError, RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.report.markdown import html_page, plain, table
 from lacmesh.view import check_renderer, page_of
-from lacsolver.output.names import HISTORY
-from lacsolver.output.states import StoredFields
-from lacsolver.output.summary import read_summary
-from lacsolver.output.tables import read_table
+from lacsolver.output.finished import FinishedRun
 from lacsolver.pictures.drawing import ContactPicture, missing_packages
 from lacsolver.pictures.frames import even_times
 from lacsolver.pictures.history import Panel, draw_panels
-from lacsolver.results.units import Units
 
 #: times of which a report has the largest gap at most; curves in a panel at most
 TIMES, _CURVES = 12, 10
@@ -74,7 +69,7 @@ def write_run_report(folder: str | Path, path: str | Path, *, case: str | Path |
     """
     path = Path(path)
     check_report(path)
-    run = FinishedRun(Path(folder), None if case is None else Path(case), path)
+    run = _Report(Path(folder), None if case is None else Path(case), path)
     text = "\n\n".join([*_sections(run), f"lacsolver {run.summary['version']}"]) + "\n"
     beside = path.suffix.lower() == ".md"
     for name, png in run.pictures.items():
@@ -97,13 +92,12 @@ def model_page(path: Path) -> Path:
 
 
 @dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """A run as its folder has it. `case`: the file of its case, None for that of the folder's name; `path` of a report.
+class _Report(FinishedRun):
+    """A run to be reported in a file `path`. `case`: the file of its case, None for that of the folder's name.
 
     `pictures`: PNG files of the report by name, which its sections add.
     """
 
-    folder: Path
     case: Path | None
     path: Path
     pictures: dict[str, bytes] = field(default_factory=dict)
@@ -112,26 +106,6 @@ class FinishedRun:
     def name(self) -> str:
         """Name of the folder."""
         return readable(self.folder.resolve().name)
-
-    @cached_property
-    def summary(self) -> dict[str, Any]:
-        """Content of results.json. Raises ReadError."""
-        return read_summary(self.folder)
-
-    @cached_property
-    def history(self) -> dict[str, NDArray[np.floating]]:
-        """Columns of history.csv. Raises ReadError."""
-        return read_table(self.folder / HISTORY)
-
-    @cached_property
-    def units(self) -> Units:
-        """Names of the units of the case."""
-        return Units.of(self.summary.get("units"))
-
-    @cached_property
-    def stored(self) -> StoredFields:
-        """Fields that were written. Raises ReadError."""
-        return StoredFields(self.folder)
 
     @cached_property
     def case_text(self) -> str:
@@ -151,7 +125,7 @@ class FinishedRun:
         return f"![{plain(alt)}]({file})"
 
 
-def _sections(run: FinishedRun) -> Iterator[str]:
+def _sections(run: _Report) -> Iterator[str]:
     """Yield paragraphs, tables, titles and pictures of a report."""
     yield f"# {plain(run.name)}"
     yield _facts(run)
@@ -182,7 +156,7 @@ def _sections(run: FinishedRun) -> Iterator[str]:
     yield table(("", ""), [*sizes, *timings, memory])
 
 
-def _facts(run: FinishedRun) -> str:
+def _facts(run: _Report) -> str:
     """Return the numbers to be seen first."""
     summary = run.summary
     steps, zones = summary["steps"], summary.get("contact", {}).values()
@@ -204,7 +178,7 @@ def _facts(run: FinishedRun) -> str:
     return table(("", ""), rows)
 
 
-def _contact(run: FinishedRun) -> Iterator[str]:
+def _contact(run: _Report) -> Iterator[str]:
     """Yield the way to the model, which is written, and pictures of the last time: pressure and status of each zone."""
     mesh, fields = run.stored.mesh, run.stored.read(len(run.stored.times) - 1)
     try:
@@ -216,7 +190,7 @@ def _contact(run: FinishedRun) -> Iterator[str]:
         yield f"No picture: {plain(str(error))}."
 
 
-def _model(run: FinishedRun, picture: ContactPicture) -> str:
+def _model(run: _Report, picture: ContactPicture) -> str:
     """Write the model that turns, and return the way to it, or what it needs. Raises WriteError."""
     if find_spec("pyvista") is None or find_spec("trame_pyvista") is None:
         return "A model that turns needs trame-pyvista; `pip install 'lacmesh[view]'` brings it."
@@ -228,7 +202,7 @@ def _model(run: FinishedRun, picture: ContactPicture) -> str:
     return f"[The model, which turns]({path.name}), has the pressure on its surfaces; {plain(picture.heading)}."
 
 
-def _zones(run: FinishedRun) -> str:
+def _zones(run: _Report) -> str:
     """Return the figures of all zones at the last step, a column each."""
     zones = run.summary["contact"]
     rows = [
@@ -239,7 +213,7 @@ def _zones(run: FinishedRun) -> str:
     return table(("at the last step", *map(plain, zones)), rows)
 
 
-def _loads(run: FinishedRun) -> Iterator[str]:
+def _loads(run: _Report) -> Iterator[str]:
     """Yield the resultants of loads, and the reactions of supports, at the last step."""
     steps = run.summary["steps"]
     rows = [(load["section"], load["where"], load["force"]) for load in run.summary.get("loads", ())]
@@ -252,7 +226,7 @@ def _loads(run: FinishedRun) -> Iterator[str]:
         yield table(("kind", "where", *names), cells)
 
 
-def _curves(run: FinishedRun) -> Iterator[str]:
+def _curves(run: _Report) -> Iterator[str]:
     """Yield curves over time: forces, pressures, energies, gaps."""
     time, history = run.history["time"], run.history
     kinds = {
@@ -281,7 +255,7 @@ def _curves(run: FinishedRun) -> Iterator[str]:
         yield run.picture("curves", "forces, pressures, energies and gaps over time", draw_panels(panels, columns=2))
 
 
-def _convergence(run: FinishedRun) -> Iterator[str]:
+def _convergence(run: _Report) -> Iterator[str]:
     """Yield the iterations of each step, and the residuals of the steps with most of them."""
     steps = run.summary["steps"]
     if not steps:
@@ -303,7 +277,7 @@ def _convergence(run: FinishedRun) -> Iterator[str]:
     yield run.picture("convergence", "iterations of each step, and residuals", draw_panels(panels, columns=2))
 
 
-def _stresses(run: FinishedRun) -> Iterator[str]:
+def _stresses(run: _Report) -> Iterator[str]:
     """Yield the range of stresses of each group of cells."""
     stress = run.summary.get("stress", {})
     if stress:

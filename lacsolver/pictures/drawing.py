@@ -26,9 +26,8 @@ from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.view import Values, check_renderer, image_of
 from lacsolver.case import Case
+from lacsolver.output.finished import FinishedRun
 from lacsolver.output.ring import fields_of_ring, sector_of
-from lacsolver.output.states import StoredFields
-from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
 from lacsolver.pictures.frames import DrawnSurface
 from lacsolver.pictures.framing import (
@@ -104,13 +103,11 @@ def plot(
     ...     ls.plot(f"{folder}/results", f"{folder}/gap.png", field="gap", time=0.5)
     0.5
     """
-    folder, path = Path(folder), Path(path)
-    summary, stored = read_summary(folder), StoredFields(folder)
-    mesh, fields = stored.mesh, stored.read(stored_at(stored.times, time))
+    run, path = FinishedRun(Path(folder)), Path(path)
+    mesh, fields = run.stored.mesh, run.stored.read(stored_at(run.stored.times, time))
     if ring:
-        mesh, fields = fields_of_ring(mesh, fields, sector_of(summary))
-    units = Units.of(summary.get("units"))
-    picture = ContactPicture.of(mesh, fields, field, zone, units, zoom=zoom, title=title)
+        mesh, fields = fields_of_ring(mesh, fields, sector_of(run.summary))
+    picture = ContactPicture.of(mesh, fields, field, zone, run.units, zoom=zoom, title=title)
     check_plot(path, mesh.dim)
     replace_file(path, picture.png())
     return float(fields.time)

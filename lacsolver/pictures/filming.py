@@ -27,16 +27,14 @@ from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.origin import origin_of
 from lacmesh.view import check_renderer
+from lacsolver.output.finished import FinishedRun
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
-from lacsolver.output.states import StoredFields
-from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import pictures_of
 from lacsolver.pictures.frames import COLOURS, SHAPE, Frame, Frames, even_times, read_frames, read_mode
 from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale, quantity_of
-from lacsolver.results.units import Units
 
 #: default direction from bodies in space to the eye
 CAMERA = (-0.55, -1.0, 0.6)
@@ -160,9 +158,9 @@ def _contact_images(
     camera: tuple[float, float, float], title: str,
 ) -> list[Any]:  # fmt: skip
     """Return the pictures of a field on the zones of contact at several times, to one scale, with one magnification."""
-    summary, stored = read_summary(folder), StoredFields(folder)
-    chosen, units = even_times(stored.times, count), Units.of(summary.get("units"))
-    states = [(stored.mesh, stored.read(k)) for k in chosen]
+    run = FinishedRun(folder)
+    units, stored = run.units, run.stored
+    states = [(stored.mesh, stored.read(k)) for k in even_times(stored.times, count)]
     zones = [zone for _, fields in states for zone in fields.zones.values()]
     quantity = quantity_of(field, states[-1][1].zones)
     scale = ColourScale.of(quantity, zones, units)
