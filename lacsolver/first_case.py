@@ -19,7 +19,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.topology.bodies import label_bodies
-from lacsolver.case.keys import keys_of
+from lacsolver.case.entry import Entry
 from lacsolver.case.records import Contact, Displacement, Material, Pressure
 from lacsolver.case.toml import section_text
 
@@ -153,9 +153,9 @@ def _point(x: Floats) -> str:
     return f"({', '.join(f'{part + 0.0:.4g}' for part in x.tolist())})"
 
 
-def _comment(record: type, *names: str) -> list[str]:
+def _comment(record: type[Entry], *names: str) -> list[str]:
     """Return lines on keys of a record, from the schema."""
-    keys = keys_of(record)
+    keys = record.KEYS
     return [f"{name}: {keys[name].meaning}{', ' + keys[name].unit if keys[name].unit else ''}" for name in names]
 
 

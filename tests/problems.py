@@ -40,7 +40,6 @@ from lacsolver.case import (
     Tie,
     Traction,
 )
-from lacsolver.case.keys import sections_of
 from tests.lacsolver.sectors import sector
 from tests.problem_meshes import (
     apart,
@@ -82,7 +81,7 @@ def fix(group: str, axes: str, **rest: Any) -> Displacement:
 
 def case_of(mesh: Any, *records: Any, **keys: Any) -> Case:
     """A case of records in any order; `keys`: those at the top of a case file, as `kinematics`."""
-    for name, kind in sections_of(Case).items():
+    for name, kind in Case.SECTIONS.items():
         if own := [record for record in records if type(record) is kind]:
             keys[name] = own if kind.SECTION.several else own[0]
     return Case(mesh=mesh, **keys)

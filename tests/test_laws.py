@@ -17,7 +17,6 @@ import pytest
 import lacsolver as ls
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacsolver.case import Case, Solver, read_case
-from lacsolver.case.keys import defaults_of, keys_of, sections_of
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -205,9 +204,9 @@ SETTLED = {"kind": "cell", "geometry": "reference", "normals": "master"}
 
 def keys():
     """(section, key) of every key of a case, and (section, key, option) of every option that is no default."""
-    for section, record in {"": Case, **sections_of(Case)}.items():
-        defaults = defaults_of(record)
-        for key, row in keys_of(record).items():
+    for section, record in {"": Case, **Case.SECTIONS}.items():
+        defaults = record.DEFAULTS
+        for key, row in record.KEYS.items():
             if (section, key) not in ELSEWHERE:
                 yield section, key
                 settled = {defaults[key], SETTLED.get(key)}
@@ -224,7 +223,7 @@ def without(name, section, key, option=None):
         yield None, key
     for k, record in enumerate(problem.records):
         if record.SECTION.name == section:
-            default = defaults_of(record)[key]
+            default = record.DEFAULTS[key]
             if default is MISSING:
                 yield k, None
             elif getattr(record, key) != default and option in (None, getattr(record, key)):
@@ -237,7 +236,7 @@ def left(name, k, key):
     if k is None:
         return case_of(problem.mesh(), *problem.records, **{own: v for own, v in problem.keys.items() if own != key})
     one = problem.records[k]
-    instead = [] if key is None else [replace(one, **{key: defaults_of(one)[key]})]
+    instead = [] if key is None else [replace(one, **{key: one.DEFAULTS[key]})]
     return problem.case([*problem.records[:k], *instead, *problem.records[k + 1 :]])
 
 

@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 from lacmesh import Mesh
 from lacsolver.case import Coupling, Displacement, Equation, Force, Material, Rigid, Spring
 from lacsolver.case.formula import Formula
-from lacsolver.case.keys import keys_of
 from lacsolver.case.value import Value
 from tests.problems import case_of
 from verification.meshes.stacks import tilt
@@ -103,7 +102,7 @@ class World:
 def record_in(record, world):
     """A record in a world."""
     changes = {}
-    for name, key in keys_of(record).items():
+    for name, key in record.KEYS.items():
         value, units = getattr(record, name), key.unit.split(", ")
         other_law = name == "axes" and isinstance(record, Material) and record.law != "orthotropic"
         if value is None or other_law or (name == "end" and record.times):
@@ -141,7 +140,7 @@ def turned(record, given, world):
     """The components of a record that are others in a world that is turned or mirrored."""
     if isinstance(record, Equation) or getattr(record, "inertia", None) is not None:
         raise CannotTurnError
-    own = [[name for axis in "xyz"[: world.dim] if (name := first + axis) in keys_of(record)] for first in VECTORS]
+    own = [[name for axis in "xyz"[: world.dim] if (name := first + axis) in record.KEYS] for first in VECTORS]
     if world.mirrors:
         along = given.get("axes") and not isinstance(record, Material)
         signs = np.diag(world.turn).tolist()
@@ -158,7 +157,7 @@ def turned(record, given, world):
         return changes
     changes = {}
     if isinstance(record, (Coupling, Displacement, Force, Spring)):
-        along = [name for name in keys_of(record) if re.fullmatch("[ufk][xyz]", name) or name == "components"]
+        along = [name for name in record.KEYS if re.fullmatch("[ufk][xyz]", name) or name == "components"]
         if any(getattr(record, name) is not None for name in along) and record.axes is None:
             changes["axes"] = {name: world.turn[: world.dim, k].tolist() for k, name in enumerate(("x", "xy"))}
         if not isinstance(record, Force):

@@ -17,6 +17,7 @@ from lacsolver.case.kinds import (
     Kind,
     Schema,
     choice,
+    distinct,
     items,
     numbers,
     other_dimension,
@@ -97,15 +98,10 @@ _COMPONENT = choice({"ux": "along x", "uy": "along y", "uz": "along z"})
 _OUT_OF_PLANE = "has uz, which a plane model does not have"
 
 
-def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(names)) < len(names):
-        raise Mistake("names a component twice")
-    return names
-
-
 #: components of displacement
 COMPONENTS = Kind(
-    'a list of components, as ["ux", "uy"]', items(_COMPONENT, 1), after=_distinct,
+    'a list of components, as ["ux", "uy"]', items(_COMPONENT, 1),
+    after=lambda names: distinct(names, "the component"),
     schema={"type": "array", "items": schema_of(_COMPONENT), "minItems": 1, "uniqueItems": True},
     misfit=lambda names, dim: _OUT_OF_PLANE if dim == 2 and "uz" in names else "",
 )  # fmt: skip

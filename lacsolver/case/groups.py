@@ -9,7 +9,6 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.case.case import Case
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import keys_of
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -25,7 +24,7 @@ def check_groups(case: Case, mesh: Mesh) -> None:
 
 def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
     """Yield the groups of the mesh that a record names, each with its key: `("slave", "top")`."""
-    for name, key in keys_of(type(record)).items():
+    for name, key in record.KEYS.items():
         groups = getattr(record, name)
         if key.kind.is_group and groups is not None and not isinstance(groups, float):
             several = [groups] if isinstance(groups, str) else groups
@@ -35,7 +34,7 @@ def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
 
 def _missing(record: Entry, mesh: Mesh) -> Iterator[Issue]:
     kind = getattr(record, "kind", None)
-    nodes_too = "kind" in keys_of(type(record))
+    nodes_too = "kind" in record.KEYS
     for key, group in named_groups(record):
         message = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
         if message:

@@ -178,21 +178,6 @@ def section(record: Any, default: Any = None) -> Any:
     return _field(() if record.SECTION.several else default, _Records(record))
 
 
-def keys_of(record: Any) -> dict[str, Key]:
-    """Return the keys of a record, by name, in the order of the table."""
-    return record.KEYS
-
-
-def defaults_of(record: Any) -> dict[str, Any]:
-    """Return the defaults of a record's keys; MISSING for required keys."""
-    return record.DEFAULTS
-
-
-def sections_of(case: Any) -> dict[str, Any]:
-    """Return the record of each section of a case, by the section's name."""
-    return case.SECTIONS
-
-
 def table_of(fields: dict[str, FieldInfo]) -> tuple[dict[str, Key], dict[str, Any], dict[str, Any]]:
     """Return the keys of a record's fields, their defaults, and the records of its sections, each by name."""
     keys = {name: one.json_schema_extra for name, one in fields.items() if isinstance(one.json_schema_extra, Key)}

@@ -216,19 +216,20 @@ def _list_of_groups(given: Any) -> Any:
     return given
 
 
-def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
+def distinct(names: tuple[str, ...], what: str = "the group") -> tuple[str, ...]:
+    """Return some names. Raises Mistake if one is there twice."""
     if len(set(names)) < len(names):
-        raise Mistake(f"names the group {next(n for n in names if names.count(n) > 1)!r} twice")
+        raise Mistake(f"names {what} {next(n for n in names if names.count(n) > 1)!r} twice")
     return names
 
 
 def _two_groups(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(_distinct(names)) != 2:
+    if len(distinct(names)) != 2:
         raise Mistake(f'has {len(names)} groups; it takes two, as ["a", "b"]')
     return tuple(sorted(names))
 
 
-GROUPS = Kind("a list of groups", items(GROUP, 1), _list_of_groups, _distinct, is_group=True)
+GROUPS = Kind("a list of groups", items(GROUP, 1), _list_of_groups, distinct, is_group=True)
 #: two groups, whose order does not count: they are read in that of the alphabet
 TWO_GROUPS = replace(
     GROUPS, words="a list of two groups", after=_two_groups,

@@ -97,7 +97,7 @@ def _groups_once(case: Case) -> Iterator[Issue]:
 
 
 def _pairs(case: Case) -> Iterator[Issue]:
-    """Check that each slave has one master, which is another skin, and that no slave is rigid."""
+    """Check that the master is another skin than the slave, and that no slave is rigid."""
     pairs, rigid = [*case.contact, *case.tie, *case.cyclic], {record.group for record in case.rigid}
     for record in [record for record in pairs if record.slave is not None]:
         slave, master = record.slave, record.master
@@ -109,11 +109,6 @@ def _pairs(case: Case) -> Iterator[Issue]:
             yield record.wrong(message, "master")
         if slave in rigid:
             yield record.wrong(f"is {slave!r}, which is [[rigid]]; make the rigid surface the master", "slave")
-    for record in _repeated(pairs, "slave"):
-        yield record.wrong(
-            f"is {record.slave!r}, which is the slave of an earlier section too; put both masters into one group",
-            "slave",
-        )
 
 
 def _creases(case: Case) -> Iterator[Issue]:
@@ -258,9 +253,7 @@ def _springs(case: Case) -> Iterator[Issue]:
 
 
 def _sections(case: Case) -> Iterator[Issue]:
-    """Check that each section is tightened once, along a direction, and locked while the case runs."""
-    for record in _repeated(case.pretension, "group"):
-        yield record.wrong(f"is {record.group!r}, the group of an earlier section too; keep one of the two", "group")
+    """Check that each section is tightened along a direction, and locked while the case runs."""
     for record in case.pretension:
         if record.normal is not None and not any(record.normal):
             yield record.wrong("has length 0; give a direction", "normal")
@@ -303,10 +296,16 @@ def _late(case: Case) -> Iterator[Issue]:
             yield record.wrong(f"is {reached:g}, and the support begins at {begin:g}; choose a later time", "reached")
 
 
-def _rigid_once(case: Case) -> Iterator[Issue]:
-    """Check that a group is one rigid body."""
-    for record in _repeated(case.rigid, "group"):
-        yield record.wrong(f"is {record.group!r}, the group of an earlier [[rigid]] too", "group")
+def _once(case: Case) -> Iterator[Issue]:
+    """Check that a surface is one slave, and that a group is one rigid body, and one section of a bolt."""
+    pairs = (*case.contact, *case.tie, *case.cyclic)
+    for records, key, words in (
+        (pairs, "slave", "which is the slave of an earlier section too; put both masters into one group"),
+        (case.rigid, "group", "the group of an earlier [[rigid]] too"),
+        (case.pretension, "group", "the group of an earlier section too; keep one of the two"),
+    ):
+        for record in _repeated(records, key):
+            yield record.wrong(f"is {getattr(record, key)!r}, {words}", key)
 
 
 def _fields(case: Case) -> Iterator[Issue]:
@@ -374,7 +373,7 @@ def _inertia(case: Case) -> Iterator[Issue]:
 
 
 RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
-    *(_materials, _groups_once, _constants, _fields, _pairs, _creases, _contacts, _friction, _names),
-    *(_prescribed_once, _late, _rigid_once, _inertia, _turns, _groups_of_joints, _round_axes, _springs, _sectors),
+    *(_materials, _groups_once, _constants, _fields, _pairs, _once, _creases, _contacts, _friction, _names),
+    *(_prescribed_once, _late, _inertia, _turns, _groups_of_joints, _round_axes, _springs, _sectors),
     *(_sections, _motion, _engine, _output),
 )

@@ -10,7 +10,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from lacsolver.case.case import Case
 from lacsolver.case.formula import CONSTANTS, FUNCTIONS, VARIABLES
-from lacsolver.case.keys import Key, Section, defaults_of, keys_of, sections_of, told_default
+from lacsolver.case.keys import Key, Section, told_default
 from lacsolver.case.kinds import Schema
 
 _WIDE = 118
@@ -18,7 +18,7 @@ _WIDE = 118
 
 def records() -> list[Any]:
     """Return the records of the table: the top of the file, then every section."""
-    return [Case, *sections_of(Case).values()]
+    return [Case, *Case.SECTIONS.values()]
 
 
 def schema_text() -> str:
@@ -38,8 +38,8 @@ _INTRODUCTION = (
 def _section_text(record: Any) -> Iterator[str]:
     section = record.SECTION
     yield f"{section.header}  {section.meaning}" if section.name else "# the top of the file"
-    for name, key in keys_of(record).items():
-        default = told_default(key, defaults_of(record)[name])
+    for name, key in record.KEYS.items():
+        default = told_default(key, record.DEFAULTS[name])
         words = "one of these" if key.kind.options else key.kind.words
         takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
         without = default if default.startswith("required") else f"default: {default}" if default else "optional"
@@ -108,8 +108,8 @@ def _key_table(record: Any) -> Iterator[str]:
     if section.name:
         yield f"### {section.header}\n\n{section.meaning[0].upper()}{section.meaning[1:]}.\n"
     yield "| key | takes | unit | default | meaning |\n|---|---|---|---|---|"
-    for name, key in keys_of(record).items():
-        default = told_default(key, defaults_of(record)[name])
+    for name, key in record.KEYS.items():
+        default = told_default(key, record.DEFAULTS[name])
         takes = f"{key.kind.words}{', ramped' if key.load else ''}"
         yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {key.text} |"
     rules = _rules(section)

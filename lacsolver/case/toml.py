@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
@@ -34,8 +35,7 @@ def written(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, (str, PurePath, Formula)):
         text = value.text if isinstance(value, Formula) else value.as_posix() if isinstance(value, PurePath) else value
-        escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{"".join(c if c.isprintable() else _escape(c) for c in escaped)}"'
+        return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple) and len(value) == 1 and isinstance(value[0], Value):
         return written(value[0])  # a rotation or a moment in a plane
     if isinstance(value, (list, tuple)):
@@ -51,7 +51,3 @@ def written(value: Any) -> str:
 def _key(name: str) -> str:
     """Return the name of an entry as TOML: bare where it may be."""
     return name if re.fullmatch("[A-Za-z0-9_-]+", name) else written(name)
-
-
-def _escape(character: str) -> str:
-    return {"\n": "\\n", "\t": "\\t"}.get(character, f"\\u{ord(character) & 0xFFFF:04X}")

@@ -214,13 +214,13 @@ def _cut(validation: Validation) -> str:
 
 
 def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
-    from lacsolver.cli.summary import adjusted_in_words
+    from lacsolver.output.words import adjusted_in_words
 
     yield "tie" if zone.tie else "contact", f"{zone.name}: slave {zone.slave}, master {zone.master}"
     if zone.why:
         yield "slave chosen", zone.why
     if zone.adjusted is not None:
-        yield "slave nodes adjusted", adjusted_in_words(zone.adjusted)
+        yield "slave nodes adjusted", adjusted_in_words(**zone.adjusted._asdict())
     paired = f"{zone.macros - zone.unpaired:,} of {zone.macros:,} face the master"
     yield "macro-elements", f"{paired}; {100 * zone.covered:.4g} % of the slave is covered"
     if zone.unpaired < zone.macros:
@@ -234,10 +234,9 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
 
 def _described(record: Entry) -> str:
     """Describe a record, its group or place first: `top: value = 25, ramped`."""
-    from lacsolver.case.keys import keys_of
     from lacsolver.space.places import where_of
 
-    values = {name: getattr(record, name) for name in keys_of(type(record)) if name not in _WHERE}
+    values = {name: getattr(record, name) for name in record.KEYS if name not in _WHERE}
     text = ", ".join(f"{name} = {_value(value)}" for name, value in values.items() if value not in (None, False))
     return f"{where_of(record)}: {text}" if text else where_of(record)
 

@@ -288,7 +288,7 @@ SHOWN = [
     (BODY + '[[displacement]]\ngroup = "g"\nun = 0.0\nux = 0.0 #!\n', "displacement.ux cannot be combined with un"),
     (BODY + "[[displacement]]\nat = [0] #!\nux = 0.0\n", "displacement.at is a list of 1; it takes [x, y, z]"),
     (BIG + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = 1 #!\n', "pressure.follower is 1; it takes true or false"),
-    (BODY + '[[equation]]\ngroup = "g"\nsame = ["ux", "ux"] #!\n', "equation.same names a component twice"),
+    (BODY + '[[equation]]\ngroup = "g"\nsame = ["ux", "ux"] #!\n', "equation.same names the component 'ux' twice"),
     (BODY + '[[equation]]\ngroup = "g"\nsame = "ux" #!\n', 'is the text "ux"; it takes a list of components'),
     (BODY + '[[equation]]\ngroup = "g"\nsame = ["un"] #!\n', 'that is "un"; there are: ux, uy, uz'),
     (BODY + "[[equation]]\nterms = [] #!\n", "equation.terms is a list of 0; it takes a list of"),

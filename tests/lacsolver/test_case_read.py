@@ -25,7 +25,7 @@ import lacsolver as ls
 from lacmesh.errors import LacmeshError, ReadError
 from lacmesh.surface.points import NORMALS
 from lacsolver.case import Case, CaseError, Contact, Cyclic, parse_case, read_case
-from lacsolver.case.keys import defaults_of, keys_of, sections_of, told_default
+from lacsolver.case.keys import told_default
 from lacsolver.case.lines import Lines
 from lacsolver.case.schema import json_schema, page_tables, records, schema_text
 from lacsolver.cli import main
@@ -77,7 +77,7 @@ count = 4
 SOLVERS = [
     HEADER.format("3d") + f'solver.{name} = "{word}"\n'
     for name in ("engine", "backend")
-    for word in keys_of(ls.case.Solver)[name].kind.known
+    for word in ls.case.Solver.KEYS[name].kind.known
 ]
 
 
@@ -125,8 +125,8 @@ def test_finite_kinematics_look_at_the_current_geometry():
 
 def test_defaults_of_records_are_what_their_kinds_read():
     for record in records():
-        for name, key in keys_of(record).items():
-            default = defaults_of(record)[name]
+        for name, key in record.KEYS.items():
+            default = record.DEFAULTS[name]
             if default is not MISSING and default is not None:
                 assert key.kind.read(default) == default, name
 
@@ -266,7 +266,7 @@ def test_depth_is_no_crash(depth):
 
 
 # ---- fuzzing: nothing but the documented errors
-NAMES = sorted({n for r in records() for n in [*keys_of(r), r.SECTION.name] if n} | {"x", "a"})
+NAMES = sorted({n for r in records() for n in [*r.KEYS, r.SECTION.name] if n} | {"x", "a"})
 TEXTS = st.sampled_from(["3d", "plane_strain", "small", "finite", "x * t", "1 /", "a", "", "neo_hookean", "node"])
 SCALARS = st.one_of(
     TEXTS.map(lambda s: f'"{s}"'),
@@ -484,7 +484,7 @@ def test_schemas_have_every_key_with_its_meaning_and_unit():
     text, whole = schema_text(), json_schema()
     assert max(map(len, text.splitlines())) <= 120
     for record in records():
-        section, keys = record.SECTION, keys_of(record)
+        section, keys = record.SECTION, record.KEYS
         table = whole["properties"][section.name] if section.name else whole
         start = text.index(f"\n{section.header}  ") if section.name else 0
         part = text[start : text.find("\n\n", start) if section.name else text.index("\n\n[[")]
@@ -530,18 +530,18 @@ def test_the_table_of_keys_is_whole(monkeypatch):
     for record in records():
         section = record.SECTION
         listed = set(re.findall(r"`(\w+)`", rows[section.header if section.name else "top of the file"]))
-        words = {word for key in keys_of(record).values() for word in key.kind.options}
-        assert listed and listed <= {*keys_of(record), *words}, section.header
+        words = {word for key in record.KEYS.values() for word in key.kind.options}
+        assert listed and listed <= {*record.KEYS, *words}, section.header
     for record in records():
-        keys, section = keys_of(record), record.SECTION
-        other = {f.name for f in fields(record)} - set(keys) - set(sections_of(record))
+        keys, section = record.KEYS, record.SECTION
+        other = {f.name for f in fields(record)} - set(keys) - set(record.SECTIONS)
         assert other <= {"place", "path", "why"} or record is Cyclic, record
         assert {n for names in (*section.one_of, *section.some_of, *section.not_both) for n in names} <= set(keys)
         for name, key in keys.items():
             assert key.meaning and key.kind.words, name
-            assert "Value(" not in told_default(key, defaults_of(record)[name])
+            assert "Value(" not in told_default(key, record.DEFAULTS[name])
             assert not key.needs or set(key.needs.values) <= set(keys[key.needs.key].kind.known)
-    kinds = {**keys_of(Case), **keys_of(Contact)}
+    kinds = {**Case.KEYS, **Contact.KEYS}
     assert set(kinds["model"].kind.known) == set(MODELS)
     assert set(kinds["normals"].kind.known) == {*NORMALS, "slave"}
 

@@ -10,7 +10,6 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.case import Solver, read_case
-from lacsolver.case.keys import defaults_of
 from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.equilibrium.load_step import LoadStep
@@ -41,7 +40,7 @@ def options_of(row):
     problem = PROBLEMS[row[0]]
     for record in problem.records:
         yield record.SECTION.name
-        for key, default in defaults_of(record).items():
+        for key, default in record.DEFAULTS.items():
             value = getattr(record, key)
             if default is not MISSING and value != default:
                 yield record.SECTION.name, key, value if isinstance(value, str) else ""
