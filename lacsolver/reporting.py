@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
@@ -24,30 +24,19 @@ from lacmesh.formats.output import readable, replace_file
 from lacmesh.report.markdown import html_page, plain, table
 from lacmesh.view import check_renderer, page_of
 from lacsolver.output.finished import FinishedRun
+from lacsolver.output.words import zone_rows
 from lacsolver.pictures.drawing import ContactPicture, missing_packages
 from lacsolver.pictures.frames import even_times
 from lacsolver.pictures.history import Panel, draw_panels
 
 #: times of which a report has the largest gap at most; curves in a panel at most
 TIMES, _CURVES = 12, 10
-#: figures of a zone in results.json that a report names: key -> words, kind of unit
-ZONE_WORDS: Mapping[str, tuple[str, str]] = {
-    "slave": ("slave", ""),
-    "master": ("master", ""),
-    "active": ("macro-elements in contact", ""),
-    "open": ("open", ""),
-    "unpaired": ("without a master opposite", ""),
-    "sticking": ("sticking", ""),
-    "sliding": ("sliding", ""),
-    "pressure_max": ("largest pressure", "stress"),
-    "pressure_min": ("least pressure", "stress"),
-    "gap_max": ("largest gap", "length"),
-    "gap_min": ("least gap", "length"),
-    "contact_area": ("area in contact", ""),
-    "resultant": ("force on the slave", "force"),
-    "friction": ("of it friction", "force"),
-    "slip_max": ("largest slip of the last step", "length"),
-    "overlap_at_start": ("overlap of the undeformed bodies", "length"),
+#: columns of history.csv that are drawn, by what they are and its kind of unit
+_CURVES_OF = {
+    ("forces of contact", "force"): r"contact\..*\.f[xyz]",
+    ("reactions", "force"): r"reaction\..*",
+    ("largest pressure", "stress"): r".*\.pressure_max",
+    ("energies", "energy"): r"(energy|work)\..*",
 }
 
 
@@ -204,13 +193,13 @@ def _model(run: _Report, picture: ContactPicture) -> str:
 
 def _zones(run: _Report) -> str:
     """Return the figures of all zones at the last step, a column each."""
-    zones = run.summary["contact"]
-    rows = [
-        (run.units.label(words, unit), *(plain(_number(zone.get(key, ""))) for zone in zones.values()))
-        for key, (words, unit) in ZONE_WORDS.items()
-        if any(key in zone for zone in zones.values())
-    ]
-    return table(("at the last step", *map(plain, zones)), rows)
+    columns = {
+        name: {"slave": zone.get("slave", ""), "master": zone.get("master", ""), **dict(zone_rows(zone, run.units))}
+        for name, zone in run.summary["contact"].items()
+    }
+    rows = dict.fromkeys(words for column in columns.values() for words in column)
+    cells = [(words, *(plain(column.get(words, "")) for column in columns.values())) for words in rows]
+    return table(("at the last step", *map(plain, columns)), cells)
 
 
 def _loads(run: _Report) -> Iterator[str]:
@@ -228,18 +217,11 @@ def _loads(run: _Report) -> Iterator[str]:
 
 def _curves(run: _Report) -> Iterator[str]:
     """Yield curves over time: forces, pressures, energies, gaps."""
-    time, history = run.history["time"], run.history
-    kinds = {
-        ("forces of contact", "force"): [
-            name for name in history if name.startswith("contact.") and name[-3:] in (".fx", ".fy", ".fz")
-        ],
-        ("reactions", "force"): [name for name in history if name.startswith("reaction.")],
-        ("largest pressure", "stress"): [name for name in history if name.endswith(".pressure_max")],
-        ("energies", "energy"): [name for name in history if name.startswith(("energy.", "work."))],
-    }
+    time = run.history["time"]
+    known = {name: values for name, values in run.history.items() if np.nanmax(np.abs(values), initial=0.0) > 0}
     curves: dict[tuple[str, str], dict[str, tuple[Any, Any]]] = {
-        of: {n.partition(".")[2]: (time, history[n]) for n in names if np.nanmax(np.abs(history[n]), initial=0.0) > 0}
-        for of, names in kinds.items()
+        of: {name.partition(".")[2]: (time, known[name]) for name in known if re.fullmatch(pattern, name)}
+        for of, pattern in _CURVES_OF.items()
     }
     zones = run.summary.get("contact", {})
     fields = [run.stored.read(k) for k in even_times(run.stored.times, TIMES)] if zones else []

@@ -76,6 +76,12 @@ def create_output(path: str | os.PathLike[str], *, force: bool = False, restart:
     return folder
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and those around it, unless it is there. Raises WriteError."""
+    with writing(folder, "cannot be made"):
+        folder.mkdir(exist_ok=True, parents=True)
+
+
 def check_folder(path: Path) -> None:
     """Raise WriteError if a folder of results cannot be made or written at a path."""
     if path.exists() and not path.is_dir():

@@ -18,10 +18,10 @@ from lacmesh.errors import RequestError, writing
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu import write_pvd
-from lacsolver.output.files import read_json
 from lacsolver.output.folder import check_folder
 from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in
 from lacsolver.output.parts import body
+from lacsolver.output.summary import read_json
 from lacsolver.output.vtu import wide
 from lacsolver.results.modes import NaturalModes
 from lacsolver.space.space import Space

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ import numpy as np
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
-from lacsolver.output.files import read_json
 from lacsolver.output.names import MESH, RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
@@ -63,7 +62,7 @@ def _parts(results: Results, balance: Floats) -> tuple[str, str]:
     units = {"units": results.units} if results.units else {}
     head = {"version": results.version, "status": results.status, **message, **units}
     tail = {
-        "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
+        "contact": {name: zone_content(zone, results, name) for name, zone in (last.contact if last else {}).items()},
         **({"pretension": _named(last.pretension)} if last and last.pretension else {}),
         **({"cyclic": results.sectors} if results.sectors else {}),
         "balance": dict(zip(_BALANCE, balance.tolist(), strict=True)),
@@ -90,17 +89,13 @@ def _step(step: StepFigures) -> dict[str, Any]:
 
 def _named(figures: Mapping[str, Any]) -> dict[str, Any]:
     """Return figures by name, with the names of what they consist of; those that are None are left out."""
-    parts = {
-        name: dict(zip(one._fields, one, strict=True)) if hasattr(one, "_fields") else one
+    return {
+        name: {k: v for k, v in one._asdict().items() if v is not None} if hasattr(one, "_asdict") else one
         for name, one in figures.items()
     }
-    return {
-        name: {k: v for k, v in part.items() if v is not None} if isinstance(part, dict) else part
-        for name, part in parts.items()
-    }
 
 
-def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
+def zone_content(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
     """Return the slave and the master of a zone, why the slave was chosen if it was, and the figures."""
     slave, master, why = results.roles.get(name, ("", "", ""))
     roles = {"slave": slave, "master": master} | ({"why": why} if why else {}) if slave else {}
@@ -120,6 +115,21 @@ def read_summary(folder: Path) -> dict[str, Any]:
     if summary["steps"] and not (folder / MESH).is_file():
         raise ReadError(folder, "is of an older lacsolver, whose files hold other things; run the case again")
     return summary
+
+
+def read_json(path: Path, is_ours: Callable[[Any], bool], failed: str = "cannot be read", advice: str = "") -> Any:
+    """Return the content of a JSON file. Raises ReadError, in the words `failed` and with `advice`, for another one.
+
+    `is_ours` may raise KeyError and TypeError for other content.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if is_ours(content):
+            return content
+        reason = "it holds something else"
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    raise ReadError(path, f"{failed} ({reason}){advice}")
 
 
 def _line(value: Any) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import repeat
 from pathlib import Path
@@ -16,10 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import ReadError
+from lacmesh.errors import ReadError, writing
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
-from lacsolver.output.files import append
 from lacsolver.output.names import HISTORY
 from lacsolver.results.results import StepFigures, ZoneFields
 from lacsolver.results.state import ZoneFriction
@@ -170,6 +170,23 @@ def cut_off(path: Path, end: float) -> None:
     """Remove the rows of a table after the time `end`. Raises ReadError, WriteError."""
     columns, rows = _read_until(path, end)
     replace_file(path, _lines([columns, *rows]))
+
+
+def append(path: Path, content: bytes) -> None:
+    """Append content to a file and flush it to the disk; if that fails, the file keeps its former content.
+
+    Raises WriteError.
+    """
+    with writing(path), path.open("ab", buffering=0) as file:
+        size = file.seek(0, os.SEEK_END)
+        try:
+            rest = memoryview(content)
+            while len(rest):
+                rest = rest[file.write(rest) :]
+            os.fsync(file.fileno())
+        except OSError:
+            file.truncate(size)
+            raise
 
 
 def _contact_rows(time: float, zone: ZoneFields) -> Iterator[Sequence[Any]]:

@@ -23,7 +23,7 @@ from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacmesh.mesh import Floats, Mesh
 from lacsolver.case import Cyclic
 from lacsolver.distributed.share import Share
-from lacsolver.output.files import make_folder
+from lacsolver.output.folder import make_folder
 from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.ring import ring_of
@@ -54,37 +54,24 @@ class VtuSeries:
 
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
-        self._add(SOLID, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
+        solid = _with_data(self._part(SOLID, None), _solid(fields), {})
+        self._add(SOLID, solid, fields.time, number)
         if self._sector is not None:
-            self._add(RING, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
+            self._add(RING, ring_of(solid, self._sector), fields.time, number)
         if self._space.share.rank > 0:  # the first process has all of the skins
             return
-        for zone, stem in contact_stems(fields.zones).items():
-            of_zone = fields.zones[zone]
-            self._add(stem, self._part(stem, of_zone), _nodal(of_zone, fields), _by_face(of_zone), fields.time, number)
+        for name, stem in contact_stems(fields.zones).items():
+            zone = fields.zones[name]
+            faces = _with_data(self._part(stem, zone), _nodal(zone, fields), _by_face(zone))
+            self._add(stem, faces, fields.time, number)
 
     def _part(self, stem: str, zone: ZoneFields | None) -> Part:
         if stem not in self._parts:
             self._parts[stem] = body(self._space) if zone is None else skin(self._space.mesh, zone.surface)
         return self._parts[stem]
 
-    def _add(
-        self,
-        stem: str,
-        part: Part,
-        nodal: Mapping[str, NDArray],
-        by_cell: Mapping[str, NDArray],
-        time: float,
-        number: int,
-    ) -> None:
+    def _add(self, stem: str, mesh: Mesh, time: float, number: int) -> None:
         """Write the VTU of a time, and then the PVD that names it."""
-        mesh = replace(
-            part.mesh,
-            node_data={**part.mesh.node_data, **{name: values[part.nodes] for name, values in nodal.items()}},
-            cell_data={**part.mesh.cell_data, **{name: values[part.cells] for name, values in by_cell.items()}},
-        )
-        if stem == RING and self._sector is not None:
-            mesh = ring_of(mesh, self._sector)
         share, file = self._space.share, vtu_file(stem, number)
         make_folder(self._folder / FIELDS)
         if share.size > 1 and stem == SOLID:
@@ -96,6 +83,15 @@ class VtuSeries:
         files = self._told.setdefault(stem, {})
         files[float(time)] = file
         write_pvd(self._folder / f"{stem}.pvd", files)
+
+
+def _with_data(part: Part, nodal: Mapping[str, NDArray], by_cell: Mapping[str, NDArray]) -> Mesh:
+    """Return the mesh of a part with values on all nodes and cells of the whole."""
+    return replace(
+        part.mesh,
+        node_data={**part.mesh.node_data, **{name: values[part.nodes] for name, values in nodal.items()}},
+        cell_data={**part.mesh.cell_data, **{name: values[part.cells] for name, values in by_cell.items()}},
+    )
 
 
 def _write_pieces(folder: Path, stem: str, number: int, mesh: Mesh, share: Share) -> str:

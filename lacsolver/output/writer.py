@@ -12,8 +12,7 @@ from contextlib import suppress
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import signals_wait
 from lacsolver.case import Case, Output
-from lacsolver.output.files import make_folder
-from lacsolver.output.folder import OutputFolder
+from lacsolver.output.folder import OutputFolder, make_folder
 from lacsolver.output.names import UNCONVERGED, contact_stems
 from lacsolver.output.ring import asked
 from lacsolver.output.states import TimeWriter

@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.orders import MED_CELLS
 from lacmesh.formats.vtu import read_pvd
-from lacsolver.output import files, summary
+from lacsolver.output import summary, tables
 from lacsolver.output.med import check_names, write_med
 from lacsolver.output.names import contact_stems
 from lacsolver.output.states import TimeWriter
@@ -151,9 +151,9 @@ def test_a_table_that_cannot_grow_stays_as_it_was(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(tables.os, "fsync", full)
     with pytest.raises(WriteError, match=r"t\.csv: cannot be written"):
-        files.append(path, b"two\n")
+        tables.append(path, b"two\n")
     assert path.read_bytes() == b"one\n"
 
 
