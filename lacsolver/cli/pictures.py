@@ -59,9 +59,8 @@ def plot(
     path = Path(target) if target else of_run / f"{name}.png"
     run.will_write(path, force=force)
     if history is not None:
-        from lacsolver.pictures.history import check_plot_history, plot_history
+        from lacsolver.pictures.history import plot_history
 
-        check_plot_history(path)
         plot_history(of_run, path, [column for column in history if column], title=title)
     else:
         from lacsolver.pictures.drawing import plot as plot_contact

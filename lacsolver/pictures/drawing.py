@@ -39,7 +39,7 @@ from lacsolver.pictures.framing import (
     window_of,
     with_skins,
 )
-from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
+from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_lines, lines, png_of, shade, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
 from lacsolver.results.results import Fields, ZoneFields
@@ -167,9 +167,7 @@ class ContactPicture:
 
     def png(self) -> bytes:
         """Return the picture as PNG. Raises WriteError if nothing can be drawn."""
-        out = io.BytesIO()
-        self.figure().savefig(out, format="png", metadata={"Software": None})
-        return out.getvalue()
+        return png_of(self.figure())
 
     def figure(self) -> Any:
         """Return the picture as a figure of matplotlib."""

@@ -33,7 +33,7 @@ from lacsolver.output.names import HISTORY, MODES_PVD
 from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import pictures_of
 from lacsolver.pictures.frames import COLOURS, SHAPE, Frame, Frames, even_times, read_frames, read_mode
-from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, without_frame
+from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, png_of, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale, quantity_of
 
 #: default direction from bodies in space to the eye
@@ -318,9 +318,7 @@ def _draw_curves(axes: Any, curves: Sequence[Curve], now: float) -> None:
 
 def _image(figure: Any) -> Any:
     """Return a figure as an image of Pillow."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png")
-    return import_module("PIL.Image").open(out).convert("RGB")
+    return import_module("PIL.Image").open(io.BytesIO(png_of(figure))).convert("RGB")
 
 
 def _gif(images: list[Any], rate: float, stays: float) -> bytes:

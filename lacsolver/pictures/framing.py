@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.topology.bodies import label_bodies
+from lacsolver.output.parts import on_faces
 from lacsolver.pictures.plane import along
 from lacsolver.results.results import ZoneFields
 
@@ -23,15 +24,15 @@ _OVERLAP = 0.004
 _MARGIN = 0.5
 
 
-def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], on_faces: Any) -> tuple[Mesh, Floats, list[str]]:
+def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], shown: Any) -> tuple[Mesh, Floats, list[str]]:
     """Return a mesh at points x (n_nodes, 3) with a group of faces for each zone, and the macro-elements of all zones.
 
-    Also return the value of each cell (n_cells,), `on_faces(zone)` on these faces and NaN elsewhere; and the groups.
+    Also return the value of each cell (n_cells,), `shown(zone)` on these faces and NaN elsewhere; and the groups.
     """
     value, macro, first = np.full(mesh.n_cells, np.nan), np.full(mesh.n_cells, -1), 0
     groups = {f"zone {name}": np.sort(zone.surface.cell) for name, zone in zones.items()}
     for zone in zones.values():
-        value[zone.surface.cell] = on_faces(zone)
+        value[zone.surface.cell] = shown(zone)
         macro[zone.surface.cell] = np.where(zone.macro >= 0, first + zone.macro, -1)
         first += len(zone.status)
     whole = Mesh.create(x, mesh.blocks, space_dim=mesh.space_dim, cell_groups=groups, cell_data={"lac_macro": macro})
@@ -40,7 +41,7 @@ def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], on_faces:
 
 def values_on_faces(zone: ZoneFields, values: Floats) -> NDArray[np.floating]:
     """Return values of macro-elements on the faces of a zone, NaN on those of none."""
-    return np.append(np.asarray(values, float), np.nan)[np.where(zone.macro >= 0, zone.macro, -1)]
+    return on_faces(np.asarray(values, float), zone.macro, np.nan)
 
 
 def pressed_window(zones: Any, x: Floats) -> NDArray[np.floating] | None:

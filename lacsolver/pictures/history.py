@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -13,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lacmesh.errors import RequestError, check_installed, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.names import HISTORY
 from lacsolver.output.tables import read_table
-from lacsolver.pictures.plane import level_out
+from lacsolver.pictures.drawing import check_plot
+from lacsolver.pictures.plane import level_out, png_of
 
 #: size of a panel in inches, and points per inch
 _WIDE, _HIGH, _DPI = 8.0, 2.6, 150
@@ -31,13 +31,6 @@ class Panel(NamedTuple):
     curves: Mapping[str, tuple[Sequence[float] | Floats, Sequence[float] | Floats]]
     across: str = "time"
     log: bool = False
-
-
-def check_plot_history(path: Path) -> None:
-    """Raise RequestError if no plot can be drawn: another file than .png, or a package that is missing."""
-    if path.suffix.lower() != ".png":
-        raise RequestError(f"{path}: a plot is written as .png")
-    check_installed("matplotlib", "view", "a plot")
 
 
 def plot_history(
@@ -57,7 +50,7 @@ def plot_history(
     ...     plot_history(folder, f"{folder}/forces.png", ["reaction.bottom.*"])
     """
     folder, path = Path(folder), Path(path)
-    check_plot_history(path)
+    check_plot(path, 2)
     table = read_table(folder / HISTORY)
     kinds: dict[str, dict[str, tuple[Floats, Floats]]] = {}
     for name, values in chosen(table, columns).items():
@@ -124,6 +117,4 @@ def draw_panels(panels: Sequence[Panel], title: str = "", *, columns: int = 1) -
         ax.set_axis_off()
     if columns == 1:
         ax.set_xlabel(panels[-1].across)
-    png = io.BytesIO()
-    figure.savefig(png, format="png", metadata={"Software": None})
-    return png.getvalue()
+    return png_of(figure)

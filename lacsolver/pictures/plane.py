@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from importlib import import_module
 from typing import Any
 
@@ -12,7 +13,6 @@ from lacmesh.drawing import INK
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
-from lacmesh.topology.bodies import label_components
 from lacsolver.pictures.frames import DrawnSurface
 from lacsolver.pictures.quantities import ColourScale, ends_of
 
@@ -22,6 +22,13 @@ _PARTS = 6
 _LEVEL = 1e-6
 #: colours of faces without a value, of surfaces without parent cells, of lines
 _PLAIN, _SEGMENTS = "#eceae4", "#44546a"
+
+
+def png_of(figure: Any) -> bytes:
+    """Return a figure of matplotlib as PNG."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
 
 
 def lines(pieces: Any, **style: Any) -> Any:
@@ -106,19 +113,21 @@ def chains(ends: Ints) -> tuple[Ints, Ints]:
     >>> order.tolist(), first.tolist()
     ([2, 0, 3, 1], [0, 3])
     """
-    n = len(ends)
-    by_start = np.argsort(ends[:, 0], kind="stable")
-    at = np.minimum(np.searchsorted(ends[by_start, 0], ends[:, 1]), n - 1)
-    after = np.where(ends[by_start[at], 0] == ends[:, 1], by_start[at], -1)
-    joined = np.flatnonzero(after >= 0)
-    chain = label_components(joined, after[joined], n)
-    lowest = np.unique(chain, return_index=True)[1]
-    begun = np.isin(chain[lowest], chain[np.setdiff1d(np.arange(n), after)])
-    after[np.isin(after, lowest[~begun])] = -1  # a closed chain begins at its first face
-    left = (after >= 0).astype(np.int64)  # number of segments that follow: up to a jump, which doubles each time
-    for _ in range(n.bit_length()):
-        on = after >= 0
-        left[on] += left[after[on]]
-        after[on] = after[after[on]]
-    order = np.lexsort((-left, chain))
-    return order, np.searchsorted(chain[order], np.arange(len(lowest)))
+    starting: dict[int, int] = {}
+    for k, node in enumerate(ends[:, 0].tolist()):
+        starting.setdefault(node, k)
+    after = {k: starting[node] for k, node in enumerate(ends[:, 1].tolist()) if node in starting}
+    before = {follower: k for k, follower in after.items()}
+    order: dict[int, None] = {}
+    first = []
+    for k in range(len(ends)):
+        if k in order:
+            continue
+        start: int | None = k
+        while start in before and (start := before[start]) != k:  # back to the end; a closed chain begins at k
+            pass
+        first.append(len(order))
+        while start is not None and start not in order:
+            order[start] = None
+            start = after.get(start)
+    return np.array([*order], np.int64), np.array(first, np.int64)
