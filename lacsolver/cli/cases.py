@@ -233,28 +233,17 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
 
 
 def _described(record: Entry) -> str:
-    """Describe a record, its group or place first: `top: value = 25, ramped`."""
+    """Describe a record, its group or place first: `top: value = 25.0, ramped`."""
+    from lacsolver.case.toml import written
+    from lacsolver.case.value import values_in
     from lacsolver.space.places import where_of
 
-    values = {name: getattr(record, name) for name in record.KEYS if name not in _WHERE}
-    text = ", ".join(f"{name} = {_value(value)}" for name, value in values.items() if value not in (None, False))
-    return f"{where_of(record)}: {text}" if text else where_of(record)
-
-
-def _value(value: Any) -> str:
-    from lacsolver.case.formula import Formula
-    from lacsolver.case.value import Value
-
-    match value:
-        case Value():
-            return _value(value.source) + (", ramped" if value.ramp_end and value.source != 0 else "")
-        case tuple():
-            return f"[{', '.join(map(_value, value))}]"
-        case Formula():
-            return repr(value.text)
-        case bool():
-            return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    parts = [where_of(record)]
+    for name in [name for name in record.KEYS if name not in _WHERE]:
+        value = getattr(record, name)
+        ramped = any(one.ramp_end and one.source != 0 for one in values_in(value))
+        parts += [] if value in (None, False) else [f"{name} = {written(value)}{', ramped' if ramped else ''}"]
+    return f"{parts[0]}: {', '.join(parts[1:])}" if parts[1:] else parts[0]
 
 
 def schema(
