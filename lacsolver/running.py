@@ -222,8 +222,7 @@ class RunOutput:
         loads: tuple[Resultant, ...] = ()
         if last is not None:
             modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
-            weight = None if problem.inertia is None else problem.inertia.weight
-            loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
+            loads = resultants(problem.loads, last.time, last.u)
         message = "\n".join([*self._warnings("solver", "folded"), *messages])  # the first are known already
         self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:

@@ -24,18 +24,19 @@ from lacsolver.constraints.equality_rows import EqualityRows, Free
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
-from lacsolver.problem import acting
 from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
+from lacsolver.problem.loads import Loads, load_of, load_records
 from lacsolver.problem.opening import inexact_friction, opening_angles
 from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
-from lacsolver.problem.resultants import Resultant, each_load, resultants
+from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free, unheld
 from lacsolver.problem.sectors import check_in_sector
 from lacsolver.problem.skin import mesh_of
+from lacsolver.problem.springs import springs_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 
@@ -169,13 +170,14 @@ def _look_at_loads(case: Case, parts: ProblemParts, validation: Validation) -> N
     space, materials = parts.space, parts.materials
     if space is None or materials is None:
         return
-    before = len(validation.problems)
-    for record, alone in each_load(case):
+    before, finite = len(validation.problems), case.kinematics == "finite"
+    for record in (*load_records(case), *case.temperature):
         with validation.looking(record.place):
+            load = load_of(space, materials, record, finite=finite)
             for t in {case.steps.planned[0], case.steps.last}:
-                acting.load(space, materials, alone, t)
+                load.force(t, None)
     if len(validation.problems) == before:
-        validation.loads = resultants(space, materials, case, case.steps.last)
+        validation.loads = resultants(Loads.of(space, materials, case), case.steps.last)
 
 
 def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tuple[ContactPair, Interface]]:
@@ -228,7 +230,7 @@ def _look_at_motions(
         with validation.looking():
             nodes_of(space, probe)
     with validation.looking():
-        springs = acting.springs(space, case)
+        springs = springs_of(space, case)
     if case.spring and springs is None:  # a mistake that is told already: what the springs hold is not known
         return
     equalities: tuple[EqualityRows, ...] = ()

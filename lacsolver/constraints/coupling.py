@@ -39,8 +39,8 @@ from lacsolver.constraints.rotation import turn
 from lacsolver.constraints.spread import Spread, rotation_vector
 from lacsolver.contact.laws import Bilateral, ContactLaw
 from lacsolver.space.axes import cartesian
-from lacsolver.space.measure import nodal_measures
 from lacsolver.space.places import cells_of, in_words, nodes_of, wrong
+from lacsolver.space.quadrature import nodal_measures
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import sparse, sparse_blocks
 
@@ -274,34 +274,44 @@ class CouplingRows:
         return sparse((len(rows), self.n_dof), (row, place, rows[:, :, : s.dim]))
 
 
-def loads(space: Space, record: Coupling, finite: bool, t: float, u: Floats | None) -> NDArray[np.floating]:
-    """Return the nodal forces (n_dof,) of the loads at the point of a distributing coupling at time t."""
-    s, motion = spread_of(space, record, finite), PointMotion.of(space, record)
-    A = s.shape(np.zeros(space.n_dof) if u is None else u)
-    out = np.zeros((space.mesh.n_nodes, space.dim))
-    out[s.nodes] = s.forces(*motion.load(t), A)[:, : space.dim]
-    return out.ravel()
+@dataclass(frozen=True, eq=False)
+class PointLoad:
+    """Force and moment at the point of a distributing coupling, as forces of its nodes."""
 
+    record: Coupling
+    spread: Spread
+    motion: PointMotion
+    n_dof: int
 
-def load_tangent(space: Space, record: Coupling, t: float, u: Floats) -> csr_array | None:
-    """Return the derivative (n_dof, n_dof) of `loads` by u (n_dof,), under finite kinematics; None for many nodes."""
-    s, motion = spread_of(space, record, True), PointMotion.of(space, record)
-    F, M = motion.load(t)
-    if len(s.nodes) > MOST_NODES or not (M.any() or s.d.any()):
-        return None
-    return on_nodes(s, s.tangent(F, M, s.shape(u)), space.n_dof)
+    @classmethod
+    def of(cls, space: Space, record: Coupling, finite: bool) -> PointLoad:
+        """Return that of a record. Raises CaseError as `spread_of` does."""
+        return cls(record, spread_of(space, record, finite), PointMotion.of(space, record), space.n_dof)
+
+    @property
+    def follows(self) -> bool:
+        """True if the forces depend on displacements."""
+        return self.spread.finite and (self.record.moment is not None or self.record.at is not None)
+
+    def force(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
+        """Return the nodal forces (n_dof,) at time t and the displacement u (n_dof,), 0 if None."""
+        s, out = self.spread, np.zeros(self.n_dof)
+        A = s.shape(out if u is None else u)
+        out.reshape(-1, s.dim)[s.nodes] = s.forces(*self.motion.load(t), A)[:, : s.dim]
+        return out
+
+    def tangent(self, t: float, u: Floats) -> csr_array | None:
+        """Return the derivative (n_dof, n_dof) of the forces by u (n_dof,); None without one, and for many nodes."""
+        s, (F, M) = self.spread, self.motion.load(t)
+        if not self.follows or len(s.nodes) > MOST_NODES or not (M.any() or s.d.any()):
+            return None
+        return on_nodes(s, s.tangent(F, M, s.shape(u)), self.n_dof)
 
 
 def is_loaded(record: Coupling) -> bool:
     """True for a distributing coupling with a force or a moment at its point."""
     loads = (record.fx, record.fy, record.fz, record.moment)
     return record.kind == "distributing" and any(value is not None for value in loads)
-
-
-def follows(case: Case) -> bool:
-    """True if loads of a case's couplings depend on displacements."""
-    loaded = [one for one in case.coupling if is_loaded(one)]
-    return case.kinematics == "finite" and any(one.moment is not None or one.at is not None for one in loaded)
 
 
 class CouplingState(NamedTuple):
@@ -320,7 +330,8 @@ class CouplingState(NamedTuple):
 def distributing_state(space: Space, rows: CouplingRows, forces: Floats, t: float, u: Floats) -> CouplingState:
     """Return the state of a distributing coupling at u (n_dof,); `forces` (k,): those of its rows, C^T times them."""
     s, turns = rows.spread, not space.model.axisymmetric
-    f = loads(space, rows.record, s.finite, t, u) + rows.at(u, t).C.T @ forces
+    load = PointLoad(rows.record, s, rows.motion, rows.n_dof)
+    f = load.force(t, u) + rows.at(u, t).C.T @ forces
     on, moved = np.zeros((len(s.nodes), 3)), s.moved(u) if s.finite else 0.0
     on[:, : s.dim] = f.reshape(-1, s.dim)[s.nodes]
     place = np.zeros(3)

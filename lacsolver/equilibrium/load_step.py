@@ -22,13 +22,11 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.constraints import coupling
 from lacsolver.contact import Interface
 from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear import Matrix, SingularError
-from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
@@ -87,9 +85,8 @@ class LoadStep:
 
     def load(self, u: Floats) -> NDArray[np.floating]:
         """Return the nodal forces of the loads (n_dof,), with follower loads on the faces at u (n_dof,)."""
-        case = self.model.problem.case
-        follows = any(pressure.follower for pressure in case.pressure) or coupling.follows(case)
-        return self.model.problem.load(self.t, u) if follows else self._reference_load
+        problem = self.model.problem
+        return problem.load(self.t, u) if problem.loads.follow else self._reference_load
 
     @cached_property
     def f(self) -> NDArray[np.floating]:
@@ -383,8 +380,7 @@ class Linearization:
     @cached_property
     def _load_tangent(self) -> csr_array | None:
         """Derivative (n_dof, n_dof) of the loads at u; None if no load follows the bodies."""
-        problem = self._step.model.problem
-        return acting.load_tangent(problem.space, problem.case, self._u, self._step.t)
+        return self._step.model.problem.loads.tangent(self._step.t, self._u)
 
     def _extrapolate(self, du: Floats, p: Floats) -> None:
         """Add the change of forces and gaps along du (n_dof,) at pressures p (m,), to first order."""

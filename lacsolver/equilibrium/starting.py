@@ -21,10 +21,8 @@ from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear.krylov import conjugate_gradients
-from lacsolver.problem import acting
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.initial import fitted, initial_motion
-from lacsolver.problem.loads import thermal_force
 from lacsolver.results.motion import MotionState
 from lacsolver.results.state import Iterate, StepState
 
@@ -80,10 +78,9 @@ def motion_forces(step: LoadStep, q: Floats, p: Floats) -> tuple[Floats, Floats,
     internal, load, contact = step.forces(q, p)
     joining = step.joining(q, p)
     load, contact = load - joining, contact - joining
-    problem = step.model.problem
-    warm = acting.temperature(problem.space, problem.materials, problem.case)
-    if warm is not None and not problem.kinematics.finite:
-        thermal = thermal_force(problem.space, problem.materials, warm, step.t, threads=problem.threads)
+    warm = step.model.problem.loads.thermal
+    if warm is not None:
+        thermal = warm.force(step.t, None)
         internal, load = internal - thermal, load - thermal
     return internal, load, contact
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +27,6 @@ from lacsolver.contact import Interface, Pairing, Zone, arm, integrate
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import ContactLaw
-from lacsolver.problem.acting import at_local_points
 from lacsolver.problem.laws import contact_law_of
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -70,7 +70,7 @@ class ContactPair(Described):
             normals = "facet" if record.normals == "slave" else record.normals
             pairing = Pairing(
                 normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
-                clearance=value.at(0.0) if fixed else at_local_points(space, value), friction=record.has_friction,
+                clearance=value.at(0.0) if fixed else _at_local_points(space, value), friction=record.has_friction,
             )  # fmt: skip
         try:
             pairing = pairing.within(space, zone, record.search_distance)
@@ -115,7 +115,7 @@ class ContactPair(Described):
                 area = weight * np.linalg.norm(normals_of(tangents(zone.slave, face, place)), axis=1)
                 x = places(zone.slave, face, place)
                 area = area * x[:, 0] if self.pairing.axisymmetric else area
-                own = self._never_negative(at_local_points(space, value)(x, t), value)
+                own = self._never_negative(_at_local_points(space, value)(x, t), value)
                 total += np.bincount(zone.macro[face], area * own, zone.n_macros)
                 size += np.bincount(zone.macro[face], area, zone.n_macros)
         return np.asarray(total / size)
@@ -227,3 +227,8 @@ def _doubtful(space: Space, skin: Surface) -> str:
         f"its {doubt_text(float(doubt[worst]))} near ({place}), which changes the pressure by as great a part of "
         "Young's modulus; refine it there, put nodes on the line where two shapes touch, or take quadratic cells"
     )
+
+
+def _at_local_points(space: Space, value: Value) -> Callable[[Floats, float], Floats]:
+    """Return a value of the case as a function of points (n, 3), relative to the space's origin, and time."""
+    return lambda x, t: value((x + space.origin)[:, : space.dim], t)

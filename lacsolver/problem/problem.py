@@ -34,14 +34,15 @@ from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.of_case import equations_of, joining, node_sets
 from lacsolver.constraints.pretension import BoltSection, section_of, sides_of
 from lacsolver.distributed.share import ALONE, UNDIVIDED, Distribution, Share
-from lacsolver.problem import acting
 from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.laws import law_of
+from lacsolver.problem.loads import Loads, temperature_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.roles import directed, slaves_of, with_roles
 from lacsolver.problem.sections import with_sections
 from lacsolver.problem.skin import check_mesh, check_mesh_file, mesh_of, prepared
+from lacsolver.problem.springs import line_springs, springs_of
 from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.space import Space, check_dimension
 from lacsolver.space.thickness import thickness_of
@@ -103,9 +104,9 @@ class Problem(Described):
     @cached_property
     def kinematics(self) -> Kinematics:
         """Internal forces, tangent, stress and energy of the bodies and the springs."""
-        temperature = acting.temperature(self.space, self.materials, self.case)
-        lines = acting.line_springs(self.space, self.case) if self.case.kinematics == "finite" else None
-        springs = self.springs if lines is None else acting.springs(self.space, self.case, along_lines=False)
+        temperature = temperature_of(self.space, self.materials, self.case.temperature)
+        lines = line_springs(self.space, self.case) if self.case.kinematics == "finite" else None
+        springs = self.springs if lines is None else springs_of(self.space, self.case, along_lines=False)
         return kinematics_of(
             self.case.kinematics, self.space, self.materials,
             springs=springs, lines=lines, temperature=temperature, threads=self.threads,
@@ -129,7 +130,7 @@ class Problem(Described):
     @cached_property
     def springs(self) -> csr_array | None:
         """Stiffness (n_dof, n_dof) of all springs, undeformed; None if there are none."""
-        return acting.springs(self.space, self.case)
+        return springs_of(self.space, self.case)
 
     @cached_property
     def inertia(self) -> Inertia | None:
@@ -143,6 +144,12 @@ class Problem(Described):
             self.space, self.materials, self.constraints, zones, self.case.dynamics, self.case.kinematics == "finite"
         )
 
+    @cached_property
+    def loads(self) -> Loads:
+        """All loads but springs and loads on rigid bodies. Raises CaseError for mistakes in their records."""
+        weight = None if self.inertia is None else self.inertia.weight
+        return Loads.of(self.space, self.materials, self.case, weight=weight, threads=self.threads)
+
     @property
     def threads(self) -> int:
         """Number of cores to use: that of the case, at most those available to the process, which are the default."""
@@ -150,8 +157,7 @@ class Problem(Described):
 
     def load(self, t: float, u: Floats | None = None) -> NDArray[np.floating]:
         """Return the nodal forces f (n_dof,) of all loads at time t, with the faces of follower loads at u (n_dof,)."""
-        weight = None if self.inertia is None else self.inertia.weight
-        return acting.load(self.space, self.materials, self.case, t, self.threads, u=u, weight=weight)
+        return self.loads.force(t, u)
 
 
 #: context of one stage, which may keep the errors raised in it; `place`: file and line of the record concerned

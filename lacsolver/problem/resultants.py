@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.material import Materials
-from lacsolver.case import Case, Coupling
-from lacsolver.case.entry import Entry
-from lacsolver.constraints.coupling import is_loaded
-from lacsolver.problem import acting
+from lacsolver.problem.loads import Loads
 from lacsolver.space.places import where_of
 from lacsolver.space.space import Space
 
-#: sections whose records are loads, each evaluated by itself
-LOADS = ("pressure", "traction", "force", "coupling", "body_force", "temperature")
 #: component of a resultant, relative to the sum of the sizes of its forces, that is round-off
 _ROUNDING = 1e-12
 
@@ -38,38 +30,22 @@ class Resultant(NamedTuple):
     moment: tuple[float, ...] | float | None = None
 
 
-def each_load(case: Case) -> Iterator[tuple[Entry, Case]]:
-    """Yield each load of a case, and the case with this load alone."""
-    none: dict[str, Any] = {**dict.fromkeys(LOADS, ()), "gravity": None}
-    bare = replace(case, **none)
-    for name in LOADS:
-        for record in getattr(case, name):
-            if isinstance(record, Coupling) and not is_loaded(record):
-                continue
-            only: dict[str, Any] = {name: (record,)}
-            yield record, replace(bare, **only)
-    if case.gravity is not None:
-        yield case.gravity, replace(bare, gravity=case.gravity)
+def resultants(loads: Loads, t: float, u: Floats | None = None) -> tuple[Resultant, ...]:
+    """Return the resultants of all loads at time t and u (n_dof,) but temperatures, whose forces are in balance.
 
-
-def resultants(
-    space: Space, materials: Materials, case: Case, t: float, *, u: Floats | None = None,
-    weight: Callable[[Floats], Floats] | None = None,
-) -> tuple[Resultant, ...]:  # fmt: skip
-    """Return the resultants of all loads at time t but temperatures, whose forces are in balance.
-
-    `u`, `weight`: as for `acting.load`. Springs, supports and forces on rigid bodies are no loads here.
+    Springs, supports and forces on rigid bodies are no loads here.
     """
+    space, out = loads.space, []
     x = space.mesh.points[:, : space.dim]
-    if u is not None and case.kinematics == "finite":
+    if u is not None and loads.finite:
         x = x + u.reshape(x.shape)
-    out, x = [], space.own(x.ravel())
-    for record, alone in each_load(replace(case, temperature=())):
-        f = space.own(acting.load(space, materials, alone, t, u=u, weight=weight))
+    x = space.own(x.ravel())
+    for load in loads.mechanical:
+        f = space.own(load.force(t, u))
         force = _total(space, f)
         moment = None if space.model.axisymmetric else _total(space, _moments(space, f, x))
         about = moment if moment is None or len(moment) > 1 else moment[0]
-        out.append(Resultant(record.SECTION.name, where_of(record), force, about))
+        out.append(Resultant(load.record.SECTION.name, where_of(load.record), force, about))
     return tuple(out)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
+from lacmesh.errors import DataError, GroupNotFoundError, RequestError, did_you_mean, some
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
@@ -60,6 +60,32 @@ def cells_of(space: Space, record: OfNodes) -> Ints | None:
     known = [*mesh.node_groups] if record.kind == "node" else [*mesh.cell_groups, *mesh.node_groups]
     what = "node group" if record.kind == "node" else "group"
     raise wrong(record, f"no {what} named {group!r}{did_you_mean(group, known)}")
+
+
+def nodes_before_cut(space: Space, record: AtNodes) -> Ints:
+    """Return the nodes (k,) of a record without those that a cut made, so that its total is that of no cut.
+
+    A node that is named by its place keeps its own. Raises CaseError for a group that has nodes of the cut alone.
+    """
+    nodes = nodes_of(space, record)
+    if record.at is not None:
+        return nodes
+    kept = nodes[~space.made_by_cut[nodes]]
+    if not space.share.total(np.array(len(kept))):
+        message = f"the group {record.group!r} has only nodes that the cut made, on which forces and springs do not act"
+        raise wrong(record, f"{message}; name one that has nodes of the mesh before the cut")
+    return kept
+
+
+def on_bodies(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
+    """Return distinct nodes. Raises DataError for nodes that are neither on cells of the space nor in `moved`."""
+    nodes = np.unique(np.asarray(nodes, dtype=np.int64))
+    loose = nodes[~space.attached[nodes]]
+    loose = loose if moved is None else np.setdiff1d(loose, moved)
+    if len(loose):
+        numbers = ", ".join(str(n) for n in space.mesh.node_number[loose[:10]])
+        raise DataError(f"{what} at nodes {numbers}, which belong to no cell of a body; name nodes of a body")
+    return nodes
 
 
 def name_of(record: Entry) -> str:

@@ -1,8 +1,8 @@
-"""Values of loads and temperatures: a number, or a function of position and time."""
+"""Values of clearances and temperatures: a number, or a function of position and time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,3 @@ def evaluate(value: ScalarField, points: Floats, t: float, what: str) -> NDArray
         place = ", ".join(f"{c:.6g}" for c in flat[bad[0]])
         raise DataError(f"{what} is {out[bad[0]]} at ({place}), t = {t:.6g}; give a formula that is finite there")
     return out.reshape(points.shape[:-1])
-
-
-def evaluate_vector(
-    value: Sequence[ScalarField], points: Floats, t: float, dim: int, what: str
-) -> NDArray[np.floating]:
-    """Evaluate one value per component at points (..., 3) and time t; return an array (..., dim)."""
-    if len(value) != dim:
-        raise ValueError(f"{what} has {len(value)} components; the model has {dim}")
-    return np.stack([evaluate(v, points, t, f"{what}, component {k}") for k, v in enumerate(value)], axis=-1)

@@ -18,7 +18,6 @@ from scipy.sparse import csr_array, diags_array
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear.regular import is_free
-from lacsolver.problem import acting
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, still_free
 from lacsolver.results.results import Restart
@@ -107,7 +106,7 @@ class _Base:
         problem, u, t = self.problem, self.u, self.t
         kinematics, materials = problem.kinematics, self.histories.materials
         K = kinematics.tangent(u, t, materials)
-        following = acting.load_tangent(problem.space, problem.case, u, t)
+        following = problem.loads.tangent(t, u)
         if following is not None:
             K = csr_array(K - following)
         if self.contact.moving:

@@ -15,8 +15,8 @@ from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.problem import loads
 from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes, unheld
+from lacsolver.problem.springs import to_ground
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, mixed, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
@@ -253,22 +253,27 @@ def test_random_conditions_leave_what_the_stiffness_says(seed):
 # ---- springs
 
 
+def grounded(space, nodes, k):
+    """The stiffness of springs from nodes to the ground, along the axes of the mesh."""
+    return to_ground(space, nodes, np.array(k), np.tile(np.eye(space.dim), (len(nodes), 1, 1)))
+
+
 def test_springs_hold():
     mesh = with_sides(cube("HEXA8", 2), node_groups={"dot": [0], "base": [0, 6, 18, 24], "line": [0, 18]})
     space, constraints = held(mesh, displacement=[Displacement(group="dot", uz=0)])
     base = mesh.node_groups["base"]
-    some = loads.springs(space, base, (0.5, 0, 0)) + loads.springs(space, np.array([26]), (0, 2.0, 0))
+    some = grounded(space, base, (0.5, 0, 0)) + grounded(space, np.array([26]), (0, 2.0, 0))
     left = [
         "'body' turns about an axis along x through (0.5, 0, 1)",
         "'body' turns about an axis along y through (0, 0.5, 0)",
     ]
     assert check(space, constraints, some) == left
-    uneven = loads.springs(space, base, (1e-9, 0, 0)) + loads.springs(space, np.array([26]), (0, 1e9, 0))
+    uneven = grounded(space, base, (1e-9, 0, 0)) + grounded(space, np.array([26]), (0, 1e9, 0))
     assert [describe(m) for m in free_motions(space, constraints, uneven)] == left
     below = np.flatnonzero(mesh.points[:, 2] == 0)
-    everywhere = loads.springs(space, below, (1.0, 1.0, 1.0))
+    everywhere = grounded(space, below, (1.0, 1.0, 1.0))
     assert check(space, constraints, everywhere) == []
-    normal = loads.springs(space, below, (0, 0, 3.0))
+    normal = grounded(space, below, (0, 0, 3.0))
     assert check(space, held(mesh)[1], normal) == [
         "'body' moves along x",
         "'body' moves along y",

@@ -227,7 +227,7 @@ def test_a_body_hangs_on_a_coupling_in_motion():
 def test_a_moment_of_a_force_is_spread_as_that_of_a_coupling():
     load = {"group": "z1", "fx": 1.0, "moment": [0.1, 0.2, 0.3]}
     problem, _, figures = solved(made("HEXA8", "small", Force(**load, total=True)))
-    (one,) = resultants(problem.space, problem.materials, problem.case, 1.0)
+    (one,) = resultants(problem.loads, 1.0)
     np.testing.assert_allclose(one.force, [1, 0, 0], atol=1e-13)
     _, _, other = solved(made("HEXA8", "small", Coupling(**load)))
     np.testing.assert_allclose(figures.reactions["z0"], other.reactions["z0"], atol=1e-12)

@@ -18,7 +18,8 @@ from lacsolver.bodies.finite import InadmissibleError, NeoHookean, SaintVenantKi
 from lacsolver.bodies.kinematics import kinematics_of
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.problem import loads
+from lacsolver.problem.loads import thermal_force
+from lacsolver.problem.springs import to_ground
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import (
@@ -293,7 +294,11 @@ def test_what_is_refused(law, call, error, words):
 def sprung(model, law):
     """The space of a mixture, a law, and springs at four nodes."""
     space, materials = made(unturned("2", model), model, law)
-    return space, materials, loads.springs(space, np.arange(3, 7), [30.0] * space.dim)
+    return (
+        space,
+        materials,
+        to_ground(space, np.arange(3, 7), np.full(space.dim, 30.0), np.tile(np.eye(space.dim), (4, 1, 1))),
+    )
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -314,7 +319,7 @@ def test_tangent_force_and_energy_belong_together(name, model):
     slope = along(lambda w: body.internal_force(w, 1.0))
     np.testing.assert_allclose(K @ v, slope, rtol=0, atol=1e-8 * np.abs(slope).max())
     if name == "small":
-        f = f - loads.thermal_force(space, materials, WARM, 1.0)
+        f = f - thermal_force(space, materials, WARM, 1.0)
     assert f @ v == pytest.approx(along(lambda w: body.energy(w, 1.0)), rel=1e-7)
 
 

@@ -13,14 +13,25 @@ from lacsolver.bodies import small as assemble
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-from lacsolver.case import CaseError, Material, Rigid, Spring, Steps
+from lacsolver.case import (
+    BodyForce,
+    CaseError,
+    Force,
+    Gravity,
+    Material,
+    Pressure,
+    Rigid,
+    Spring,
+    Steps,
+    Traction,
+)
+from lacsolver.case.errors import EvaluationError
 from lacsolver.distributed.share import Share
 from lacsolver.equilibrium.stepping import march
-from lacsolver.problem import loads
+from lacsolver.problem.loads import load_of, on_skin, pressure, thermal_force
 from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
-from lacsolver.space.values import evaluate_vector
 from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
 from tests.lacsolver.test_finite import by_differences
 from tests.problems import case_of
@@ -43,10 +54,20 @@ def square_with_skin(**rest):
     return with_skin(Mesh.create([[1, 0], [2, 0], [2, 1], [1, 1]], [("QUAD4", [[0, 1, 2, 3]])], **rest))
 
 
-def deformed(space, u):
-    x = space.mesh.points.copy()
-    x[:, : space.dim] += u.reshape(-1, space.dim)
-    return x
+def acting(space, record, t=1.0):
+    """The nodal forces of the load of a record."""
+    return load_of(space, Materials.of(space, LAW), record, finite=False).force(t, None)
+
+
+def along(letter, values, **keys):
+    """Keys of a vector: along("f", (1, 2)) is fx = 1, fy = 2."""
+    return {f"{letter}{axis}": value for axis, value in zip("xyz", values, strict=False)} | keys
+
+
+def pressed(space, faces, value, follower=False):
+    """A pressure on skin cells, by their indices."""
+    record = Pressure(group="skin", value=value, follower=follower)
+    return pressure(record, on_skin(space, np.asarray(faces), outer=True))
 
 
 def varying(x, t):
@@ -67,7 +88,7 @@ def test_the_work_of_a_pressure_is_that_of_the_change_of_volume(name, model):
     parts = assemble.weights(space, degree), assemble.points(space, degree)
     (w,), (x,), (e,), (u,) = (*parts, *(of(space, v, degree) for of in (assemble.strain, assemble.displacement)))
     exact = (w * ((3 + 4 * x[..., 1]) * e[..., [0, 1, *zz]].sum(axis=-1) + 4 * u[..., 1])).sum()
-    got = loads.pressure(space, skin, lambda x, t: 3 + t * x[:, 1], t=4.0)
+    got = pressed(space, skin, lambda x, t: 3 + t * x[:, 1]).force(4.0, None)
     assert got @ v == pytest.approx(-exact, rel=1e-12)
 
 
@@ -76,7 +97,7 @@ def test_a_pressure_on_one_side_pushes_into_the_body_however_the_side_is_listed(
     for nodes in ([[2, 3]], [[3, 2]]):
         top = Mesh.create(mesh.points, [("QUAD4", mesh.block("QUAD4")), ("SEG2", nodes)])
         space = Space.of(top, "plane_strain")
-        np.testing.assert_allclose(loads.pressure(space, np.array([1]), 3.0), [0, 0, 0, 0, 0, -1.5, 0, -1.5])
+        np.testing.assert_allclose(pressed(space, [1], 3.0).force(1.0, None), [0, 0, 0, 0, 0, -1.5, 0, -1.5])
 
 
 def faces_of(row):
@@ -93,10 +114,11 @@ def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
     space, skin = curved(name, model)
     skin = skin[: len(skin) // 2]
     u = np.random.default_rng(0).uniform(-0.1, 0.1, space.n_dof)
-    K = loads.pressure_tangent(space, skin, value, 0.7, x=deformed(space, u)).toarray()
+    own = pressed(space, skin, value, follower=True)
+    K = own.tangent(0.7, u).toarray()
 
     def load(v):
-        return loads.pressure(space, skin, value, 0.7, x=deformed(space, v))
+        return own.force(0.7, v)
 
     expected = by_differences(load, u, 1e-3)  # the load is a cubic of u at most: exact but for rounding
     np.testing.assert_allclose(K, expected, rtol=0, atol=1e-11 * np.abs(K).max())
@@ -105,14 +127,12 @@ def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
 
 @EVERY
 def test_a_uniform_pressure_on_a_closed_skin_has_a_potential(name, model):
-    """It is -p V, so that the load stiffness is symmetric; without places it is that of the mesh."""
+    """It is -p V, so that the load stiffness is symmetric, also undeformed."""
     space, skin = curved(name, model)
     u = np.random.default_rng(0).uniform(-0.1, 0.1, space.n_dof)
-    K = loads.pressure_tangent(space, skin, 3.0, x=deformed(space, u)).toarray()
+    K = pressed(space, skin, 3.0, follower=True).tangent(1.0, u).toarray()
     np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-13 * np.abs(K).max())
-    here = loads.pressure_tangent(space, skin, 2.0)
-    there = loads.pressure_tangent(space, skin, 2.0, x=space.mesh.points)
-    assert abs(here - there).max() <= 1e-14 * abs(here).max()
+    here = pressed(space, skin, 2.0, follower=True).tangent(1.0, np.zeros(space.n_dof))
     assert np.abs(here @ np.tile(np.eye(space.dim)[1], space.mesh.n_nodes)).max() < 1e-13 * abs(here).max()
 
 
@@ -120,16 +140,14 @@ def test_a_uniform_pressure_on_a_closed_skin_has_a_potential(name, model):
 def test_a_traction_along_the_normal_is_a_pressure(name, model):
     """Components are numbers and functions, of which each acts along its axis."""
     space, skin = curved(name, model)
-    got = loads.traction(space, skin, lambda x, n, t: -3 * t * n[:, : space.dim], t=0.5)
-    np.testing.assert_allclose(got, loads.pressure(space, skin, 1.5), atol=1e-13)
-    parts = [lambda x, t: 2 * x[:, 1], 1.5, lambda x, t: t * x[:, 0]][: space.dim]
-    whole = loads.traction(
-        space,
-        skin,
-        lambda x, n, t: np.stack([2 * x[:, 1], 1.5 + 0 * t * x[:, 0], t * x[:, 0]], 1)[:, : space.dim],
-        t=3.0,
-    )
-    np.testing.assert_allclose(loads.traction(space, skin, parts, t=3.0), whole, atol=1e-13 * np.abs(whole).max())
+    normal = [lambda x, n, t, k=k: -3 * t * n[:, k] for k in range(space.dim)]
+    got = acting(space, Traction(group="skin", **along("t", normal)), 0.5)
+    np.testing.assert_allclose(got, pressed(space, skin, 1.5).force(1.0, None), atol=1e-13)
+    parts = [lambda x, n, t: 2 * x[:, 1], 1.5, lambda x, n, t: t * x[:, 0]][: space.dim]
+    whole = acting(space, Traction(group="skin", **along("t", parts)), 3.0)
+    of_each = [acting(space, Traction(group="skin", **{f"t{a}": v}), 3.0) for a, v in zip("xyz", parts, strict=False)]
+    np.testing.assert_allclose(sum(of_each), whole, atol=1e-13 * np.abs(whole).max())
+    assert all(not f.reshape(-1, space.dim)[:, np.arange(space.dim) != k].any() for k, f in enumerate(of_each))
 
 
 # ---- loads in bodies and at nodes
@@ -140,11 +158,11 @@ def test_the_work_of_a_body_force_of_which_weight_is_one(name, model):
     space, _ = curved(name, model)
     v = np.random.default_rng(0).normal(size=space.n_dof)
     (w,), (u,) = assemble.weights(space, 20), assemble.displacement(space, v, 20)
-    f = loads.body_force(space, [lambda x, t: np.exp(t) + 0 * x[:, 0], 2.0, -1.0][: space.dim], t=1.0)
+    f = acting(space, BodyForce(**along("f", [lambda x, t: np.exp(t) + 0 * x[:, 0], 2.0, -1.0][: space.dim])))
     exact = (w * (u @ np.array([np.e, 2.0, -1.0])[: space.dim])).sum()
     # r N det J of TRIA7 has degree 10 with the bubble in all three; the rule of plane quadratic cells has it
     assert f @ v == pytest.approx(exact, rel=1e-12)
-    weight = loads.gravity(space, Materials.of(space, LAW), (np.e / 7, 2 / 7, -1 / 7)[: space.dim])
+    weight = acting(space, Gravity(**along("g", (np.e / 7, 2 / 7, -1 / 7)[: space.dim])))
     np.testing.assert_allclose(weight, f, rtol=0, atol=1e-13 * np.abs(f).max())
 
 
@@ -155,9 +173,9 @@ def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
     mirror = Space.of(mesh, model, thickness=space.thickness if model == "plane_stress" else None)
     flip = np.tile([1.0, -1.0, 1.0][: space.dim], mesh.n_nodes)
     for load in (
-        lambda s: loads.pressure(s, skin, 3.0),
-        lambda s: loads.gravity(s, Materials.of(s, LAW), (2.0,) + (0.0,) * (s.dim - 1)),
-        lambda s: loads.thermal_force(s, Materials.of(s, LAW), 50.0),
+        lambda s: pressed(s, skin, 3.0).force(1.0, None),
+        lambda s: acting(s, Gravity(gx=2.0)),
+        lambda s: thermal_force(s, Materials.of(s, LAW), 50.0),
     ):
         f = load(space)
         np.testing.assert_allclose(load(mirror), flip * f, rtol=0, atol=1e-13 * np.abs(f).max())
@@ -179,7 +197,7 @@ def mixed(order, model):
 def check_warm(space, law, temperature, u, stress=0.0, t=0.0):
     """Assert that a displacement (n, dim) balances the warmth, and leaves this stress."""
     materials, u = Materials.of(space, law), u[:, : space.dim].ravel()
-    f = loads.thermal_force(space, materials, temperature, t)
+    f = thermal_force(space, materials, temperature, t)
     np.testing.assert_allclose(assemble.assemble_stiffness(space, materials) @ u, f, atol=1e-11 * np.abs(f).max())
     at = temperature if t == 0 else lambda x, _: temperature(x, t)
     for s in assemble.stress(space, materials, u, temperature=at):
@@ -242,28 +260,29 @@ def two_triangles():
 def bare():
     """A triangle, and a skin without a body."""
     points = [[0, 0], [1, 0], [0, 1], [5, 0], [6, 0]]
-    return Mesh.create(points, [("TRIA3", [[0, 1, 2]]), ("SEG2", [[3, 4]])], node_number=[1, 2, 3, 40, 50])
+    groups = {"cell_groups": {"loose": [1]}, "node_groups": {"two": [0, 3]}}
+    return Mesh.create(points, [("TRIA3", [[0, 1, 2]]), ("SEG2", [[3, 4]])], node_number=[1, 2, 3, 40, 50], **groups)
 
 
 @pytest.mark.parametrize(
     ("mesh", "load", "error", "words"),
     [
-        (square_with_skin, lambda s: loads.pressure(s, np.array([0]), 1.0), DataError, "cells 1 have another"),
-        (square_with_skin, lambda s: loads.pressure(s, np.array([], int), 1.0), DataError, "group is empty"),
-        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), np.nan), DataError, "pressure is nan"),
-        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), lambda x, t: x), DataError, r"return \(3,\)"),
-        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), lambda x, t: np.log(x[:, 0] - 1.55)), DataError,
-         "pressure is nan"),
-        (square_with_skin, lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "has 1 components"),
-        (square_with_skin, lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"\(3, 2\)"),
-        (square_with_skin, lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "and is -2"),
-        (square_with_skin, lambda s: loads.gravity(s, Materials.of(s, Elastic(1.0, 0.0)), (0.0, 1.0)), DataError,
-         "needs a density"),
-        (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "exactly one cell"),
-        (bare, lambda s: loads.traction(s, np.array([1]), (1.0, 0.0)), DataError, "cells 2 have"),
-        (bare, lambda s: loads.nodal_force(s, np.array([0, 3]), (1.0, 0.0)), DataError, "at nodes 40"),
-        (bare, lambda s: evaluate_vector((1.0, np.inf), s.mesh.points[None], 0.0, 2, "it"), DataError,
-         "component 1 is inf"),
+        (square_with_skin, lambda s: pressed(s, [0], 1.0), DataError, "cells 1 have another"),
+        (square_with_skin, lambda s: pressed(s, np.array([], int), 1.0), DataError, "group is empty"),
+        (square_with_skin, lambda s: pressed(s, [1], lambda x, t: x[:, 0] + np.nan).force(1.0, None), EvaluationError,
+         "is nan"),
+        (square_with_skin, lambda s: pressed(s, [1], lambda x, t: x).force(1.0, None), EvaluationError,
+         r"\(3, 2\) for 3 points"),
+        (square_with_skin, lambda s: pressed(s, [1], lambda x, t: np.log(x[:, 0] - 1.55)).force(1.0, None),
+         EvaluationError, "is nan"),
+        (square_with_skin, lambda s: acting(s, Traction(group="skin", tx=lambda x, n, t: n)), EvaluationError,
+         r"\(12, 2\) for 12 points"),
+        (square_with_skin, lambda s: acting(s, Pressure(group="body", value=1.0)), CaseError, "cells 1 have another"),
+        (square_with_skin, lambda s: load_of(s, Materials.of(s, Elastic(1.0, 0.0)), Gravity(gy=1.0), finite=False),
+         CaseError, "needs a density"),
+        (two_triangles, lambda s: pressed(s, [2], 1.0), DataError, "exactly one cell"),
+        (bare, lambda s: acting(s, Traction(group="loose", tx=1.0)), CaseError, "cells 2 have"),
+        (bare, lambda s: acting(s, Force(group="two", fx=1.0)), CaseError, "at nodes 40"),
     ],
 )  # fmt: skip
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")

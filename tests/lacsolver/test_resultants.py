@@ -14,7 +14,7 @@ from lacsolver import CaseError
 from lacsolver.bodies.small import points, weights
 from lacsolver.case import BodyForce, Force, Gravity, Material, Pressure, Traction
 from lacsolver.cli import main
-from lacsolver.problem import loads
+from lacsolver.problem.loads import load_of
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
 from lacsolver.results.nodal import extrapolation, nodal_stress
@@ -34,6 +34,11 @@ def problem(mesh, *records, model="3d", **keys):
     return Problem.of(case_of(mesh, SOFT, *records, model=model, **keys))
 
 
+def tractioned(made, group, tx, ty):
+    """The nodal forces of a uniform traction."""
+    return load_of(made.space, made.materials, Traction(group=group, tx=tx, ty=ty), finite=False).force(1.0, None)
+
+
 def resultant(made):
     return made.load(1.0).reshape(-1, made.space.dim).sum(axis=0)
 
@@ -45,7 +50,7 @@ def test_a_force_on_faces_is_a_uniform_traction_before_and_after_a_cut(kind, hex
     mesh = stack(kind, kind, 3, counts=(2, 2), even=True)
     for given in (mesh, lacmesh.cut_skin(mesh, "slave", hexa=hexa).mesh):
         made = problem(given, total("slave"))
-        as_traction = loads.traction(made.space, given.cells_of("slave"), (3, -5, 0.0))  # on an area of 1
+        as_traction = tractioned(made, "slave", 3, -5)  # on an area of 1
         np.testing.assert_allclose(made.load(1.0), as_traction, atol=1e-13)
         assert resultant(made) == pytest.approx([3, -5, 0], abs=1e-13)
     assert resultant(problem(mesh, total("slave"), contact(hexa=hexa))) == pytest.approx([3, -5, 0], abs=1e-13)
@@ -63,7 +68,7 @@ def test_in_a_plane_it_is_that_of_the_whole_thickness_or_circle(kind, model, key
     mesh = rectangle(3, kind=kind)
     made = problem(mesh, total("bottom"), model=model, **keys)
     assert resultant(made) == pytest.approx([3, -5], rel=1e-12)
-    expected = loads.traction(made.space, mesh.cells_of("bottom"), (3 / area, -5 / area))
+    expected = tractioned(made, "bottom", 3 / area, -5 / area)
     np.testing.assert_allclose(made.load(1.0), expected, atol=1e-13)
 
 
@@ -123,7 +128,7 @@ def test_a_follower_pressure_has_its_resultant_on_the_deformed_face():
     made = Problem.of(case_of(mesh, *records, model="plane_strain", kinematics="finite"))
     u = np.zeros((mesh.n_nodes, 2))
     u[:, 0] = mesh.points[:, 0]  # twice as wide
-    (found,) = resultants(made.space, made.materials, made.case, 1.0, u=u.ravel())
+    (found,) = resultants(made.loads, 1.0, u.ravel())
     assert found.force == pytest.approx((0, -2))
 
 

@@ -47,7 +47,7 @@ def solve_spread(cell: str, kinematics: str, weights: str | None = "1 + x + y**2
     moment = M.tolist() if dim == 3 else float(M[0])
     load = _coupling(dim, at=point.tolist(), weights=weights, moment=moment, **_components("f", F))
     one = solve(_block_text(cell, kinematics, load), _block(cell))
-    (total,) = resultants(one.problem.space, one.problem.materials, one.problem.case, 1.0, u=one.state.u)
+    (total,) = resultants(one.problem.loads, 1.0, one.state.u)
     coupling, reaction = next(iter(one.figures.couplings.values())), next(iter(one.figures.reactions.values()))
     size = float(np.abs(F).max())
     source = "the forces add up to the load at the point, whatever the weights"
