@@ -8,7 +8,7 @@ mesh before its cut, relative, and coarser than round-off: units, numbering and 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -138,44 +138,13 @@ def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> C
         other = next(side for side in sides if side is not free[0])
         slave, why = free[0], f"{other.name!r} is the slave of another"
     else:
-        slave, why = _by_rules(*sides)
+        slave, why = _first_that_differs(*sides)
     if not slave.behind:
         message = f"{slave.name!r} has faces without one cell behind them, so that it cannot be cut"
         raise wrong(record, f"{message}, and neither can the other surface; name the surface of a body")
     master = next(side.name for side in sides if side is not slave)
     name = record.name or slave.name
     return record.altered(slave=slave.name, master=master, surfaces=None, why=why, name=name)
-
-
-def _by_rules(a: _Side, b: _Side) -> tuple[_Side, str]:
-    """Return the slave of two sides by the first rule that tells them apart, and why it is."""
-    for mine, other in ((a, b), (b, a)):
-        if mine.cut and not other.cut:
-            return mine, "it has macro-elements in the mesh"
-        if mine.behind and not other.behind:
-            return mine, f"{other.name!r} has no cells behind it that could be cut"
-    for mine, other in ((a, b), (b, a)):
-        if mine.free > other.free + _PART:
-            return mine, f"the displacement of {other.name!r} is prescribed, or that of a rigid body"
-    for mine, other in ((a, b), (b, a)):
-        if mine.n_faces >= FEW[a.dim] > other.n_faces:
-            return mine, f"{other.name!r} has few faces, {other.n_faces}"
-    seen = a.covered_by(b), b.covered_by(a)
-    for (mine, other), part, of_other in zip(((a, b), (b, a)), seen, seen[::-1], strict=True):
-        if part > of_other + _PART:
-            whole = "its whole area" if part > 1 - _PART else f"{100 * part:.0f} % of its area"
-            back = f"{other.name!r} faces it with {100 * of_other:.0f} %"
-            return mine, f"it faces {other.name!r} with {whole}, and {back}"
-    for mine, other in ((a, b), (b, a)):
-        if mine.young * _RATIO < other.young:
-            return mine, f"it is softer: Young's modulus {mine.young:.4g} beside {other.young:.4g}"
-    for mine, other in ((a, b), (b, a)):
-        if mine.size * _RATIO < other.size:
-            return mine, f"it is finer: faces of {mine.size:.4g} beside {other.size:.4g}"
-    for mine, other in ((a, b), (b, a)):
-        if mine.bend > other.bend + _ANGLE:
-            return mine, "it is more convex"
-    return a, "the two are alike, and its name comes first"
 
 
 class _Side:
@@ -189,12 +158,15 @@ class _Side:
         self.cut = is_cut(mesh) and bool((Cut(mesh).macro_of_face[self._cells] >= 0).all())
         self.behind = not np.isnan(self.skin.depth).any()
         self._area = face_measure(self.skin)
+        self._faces: float | None = None
 
-    def covered_by(self, other: _Side) -> float:
+    def faces(self, other: _Side) -> float:
         """The part of the area that faces the other surface."""
-        met = contact_points(self.skin, other.skin, search_distance=self._record.search_distance)
-        covered = coverage(met, self.skin)
-        return float(covered.covered.sum() / covered.area.sum())
+        if self._faces is None:
+            met = contact_points(self.skin, other.skin, search_distance=self._record.search_distance)
+            covered = coverage(met, self.skin)
+            self._faces = float(covered.covered.sum() / covered.area.sum())
+        return self._faces
 
     @property
     def size(self) -> float:
@@ -280,6 +252,36 @@ class _Side:
         owners = find_owners(self.skin.faces, cells_of_dim(self._mesh, self.dim), self._mesh.n_nodes)
         out[owners.face] = owners.cell
         return out
+
+
+def _reason_of_facing(a: _Side, b: _Side) -> str:
+    part, back = a.faces(b), b.faces(a)
+    whole = "its whole area" if part > 1 - _PART else f"{100 * part:.0f} % of its area"
+    return f"it faces {b.name!r} with {whole}, and {b.name!r} faces it with {100 * back:.0f} %"
+
+
+#: the rules, in their order: True if side a is to be the slave and b is not, and the reason
+_RULES: tuple[tuple[Callable[[_Side, _Side], bool], Callable[[_Side, _Side], str]], ...] = (
+    (lambda a, b: a.cut and not b.cut, lambda a, b: "it has macro-elements in the mesh"),
+    (lambda a, b: a.behind and not b.behind, lambda a, b: f"{b.name!r} has no cells behind it that could be cut"),
+    (lambda a, b: a.free > b.free + _PART,
+     lambda a, b: f"the displacement of {b.name!r} is prescribed, or that of a rigid body"),
+    (lambda a, b: a.n_faces >= FEW[a.dim] > b.n_faces, lambda a, b: f"{b.name!r} has few faces, {b.n_faces}"),
+    (lambda a, b: a.faces(b) > b.faces(a) + _PART, _reason_of_facing),
+    (lambda a, b: a.young * _RATIO < b.young,
+     lambda a, b: f"it is softer: Young's modulus {a.young:.4g} beside {b.young:.4g}"),
+    (lambda a, b: a.size * _RATIO < b.size, lambda a, b: f"it is finer: faces of {a.size:.4g} beside {b.size:.4g}"),
+    (lambda a, b: a.bend > b.bend + _ANGLE, lambda a, b: "it is more convex"),
+)  # fmt: skip
+
+
+def _first_that_differs(a: _Side, b: _Side) -> tuple[_Side, str]:
+    """Return the slave of two sides by the first rule that distinguishes them, and the reason for it."""
+    for chooses, reason in _RULES:
+        for one, other in ((a, b), (b, a)):
+            if chooses(one, other):
+                return one, reason(one, other)
+    return a, "the two are alike, and its name comes first"
 
 
 def _cells_of(mesh: Mesh, groups: Iterable[str] | None) -> list[Ints]:
