@@ -15,10 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array, diags_array, issparse, vstack
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, concatenated, mask_of
@@ -186,18 +187,32 @@ class Constraints:
         moment_arms = tuple(body.moment_arm_at(body.motion(q, t)) for body in self.rigid)
         return with_motions(self.space, self.nodal.T, self.rigid, moment_arms)
 
-    def unknowns(self, u: Floats) -> NDArray[np.floating]:
-        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others."""
+    def unknowns(self, u: Any) -> Any:
+        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others.
+
+        Of the columns of a sparse u (n_dof, k) it is a sparse (n_q, k).
+        """
         if self.is_selection:
             return u[self.free]
-        q = np.asarray(self.T.T @ u)  # T has orthonormal columns at the nodes' own unknowns
-        return q if self.n_nodal == self.n_q else np.append(q[: self.n_nodal], self._motions(u))
+        q = self.T.T @ u  # T has orthonormal columns at the nodes' own unknowns
+        if self.n_nodal == self.n_q:
+            return q
+        own, motions = q[: self.n_nodal], self._motions(u)
+        return csr_array(vstack([own, csr_array(motions)])) if issparse(u) else np.append(own, motions)
 
-    def _motions(self, u: Floats) -> NDArray[np.floating]:
-        """Return the motions of rigid bodies that are nearest to u (n_dof,)."""
-        T = csr_array(self.T[:, self.n_nodal :])
-        gram = self.space.share.total((self._at_own(T).T @ T).toarray())
-        return np.linalg.solve(gram, self.on_unknowns(u)[self.n_nodal :])
+    def _motions(self, u: Any) -> NDArray[np.floating]:
+        """Return the motions of rigid bodies that are nearest to u (n_dof,), or to the columns of a sparse one."""
+        T = self._at_own(csr_array(self.T[:, self.n_nodal :]))
+        along, total = T.T @ u, self.space.share.total
+        return np.linalg.solve(total((T.T @ T).toarray()), total(along.toarray() if issparse(u) else along))
+
+    @cached_property
+    def constrained(self) -> Ints:
+        """Indices of the displacements (k,) that are not unknowns by themselves."""
+        T, out = self.T[:, : self.n_nodal].tocsc(), np.ones(self.space.n_dof, bool)
+        alone = T.indptr[:-1][np.diff(T.indptr) == 1]
+        out[T.indices[alone[T.data[alone] == 1.0]]] = False
+        return np.flatnonzero(out)
 
     def updated(self, q: Floats) -> NDArray[np.floating]:
         """Return unknowns q (n_q,) with the values at the nodes of other processes that they have."""

@@ -1,10 +1,10 @@
 """Connected bodies, their rigid-body modes, and the rigid-body motions that constraints, springs or contact leave free.
 
-Motions are small, u = t + theta x (X - c). The motions that constraints and springs leave free are the null space of
-one matrix on the amplitudes of the bodies' modes and of the rigid groups' free motions; its rows are the prescribed
-directions at the nodes, the difference between a body and the rigid group on its nodes, and the springs' forces. The
-matrix splits into systems of bodies that share a rigid group, mostly of one body. `still_free` finds those of the free
-motions that no row of B constrains either.
+Motions are small, u = t + theta x (X - c). Those that constraints u = T q and springs leave free are the null space of
+one matrix on the amplitudes of the bodies' unit motions Phi. Its rows are what T does not let through, Phi - T q(Phi)
+with the nearest q, the equations, and the springs' forces. Rigid groups need no amplitudes, as T has their motions, but
+for the nodes of such a group that no cell has: they are a body of their own. The matrix splits into systems of bodies
+that are joined, mostly of one body. `still_free` finds those of the free motions that no row of B constrains either.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import orth
 from scipy.sparse import csr_array, diags_array, vstack
 
-from lacmesh.mesh import Floats, Ints, concatenated
+from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.bodies import body_names as names_of
 from lacmesh.topology.bodies import label_components
 from lacsolver.constraints import Constraints
@@ -32,6 +33,8 @@ __all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigi
 _STOPPED = 1e-9
 #: the same threshold for contact, whose directions are integrated
 STOPPED_BY_CONTACT = 1e-8
+#: displacement under a unit motion that is round-off
+_ROUNDING = 1e-12
 
 
 def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
@@ -73,19 +76,25 @@ def _body_by_body(of_node: Ints) -> tuple[Ints, Ints]:
 def free_motions(space: Space, constraints: Constraints, springs: csr_array | None = None) -> tuple[FreeMotion, ...]:
     """Return the rigid-body motions that constraints and springs (n_dof, n_dof) leave free, easy to `describe`.
 
-    Bodies that share a rigid group are treated together, and a rigid group without cells is a body of its own. A body
-    is named after its groups (`body_names`).
+    Bodies that share a rigid group are treated together, and its nodes without cells are a body of their own. A body is
+    named after its groups (`body_names`).
     """
-    frame = _frame(space, constraints)
-    rows = _rows(space, constraints, frame, springs)
+    plain, units = constraints.plain, _UnitMotions.of(space, constraints)
+    acting = [plain.constrained, *(one.C.indices for one in constraints.equations)]
+    acting += [] if springs is None else [np.flatnonzero(np.diff(springs.indptr))]
+    Phi = units.at(np.unique(np.concatenate(acting) // space.dim))
+    own = diags_array(space.of_own(np.ones(space.n_dof)))
+    rows = [own @ (Phi - plain.T @ plain.unknowns(Phi))]
+    rows += [_equation_rows(space, one, csr_array(own @ Phi)) for one in constraints.equations]
+    if springs is not None:
+        stiffness = abs(springs).max(axis=1).toarray().ravel()
+        rows.append(diags_array(_inverse(stiffness)) @ springs @ Phi)
+    every = space.share.gather_rows(_without_round_off(csr_array(vstack(rows))))
     motions: list[FreeMotion] = []
-    for blocks, columns, basis in _null_spaces(rows, frame.block, _STOPPED):
-        amplitudes = np.zeros((len(basis), len(frame.block)))
-        amplitudes[:, columns] = basis
-        twists = np.stack([amplitudes[:, frame.block == b] @ frame.twists[frame.block == b] for b in blocks], axis=1)
-        moving = [k for k, b in enumerate(blocks) if b < frame.n_connected or len(frame.bodies[b].nodes)]
-        if moving:
-            motions += plain_motions(space, [frame.bodies[blocks[k]] for k in moving], twists[:, moving])
+    for blocks, columns, basis in _null_spaces(every, units.block, _STOPPED):
+        of_block = units.block[columns][None] == blocks[:, None]
+        twists = np.einsum("zk,bk,ki->zbi", basis, of_block, units.twists[columns])
+        motions += plain_motions(space, [units.bodies[b] for b in blocks], twists)
     return tuple(motions)
 
 
@@ -148,39 +157,50 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
     return csr_array(unit @ fields), np.diff((nodes @ of).tocsc().indptr)
 
 
-class _Frame(NamedTuple):
-    """The bodies, `n_connected` connected ones and then rigid groups, and the amplitudes of their motions.
+class _UnitMotions(NamedTuple):
+    """Unit motions of bodies, connected ones and then the nodes of rigid groups that no cell has.
 
-    `of_node` (n_nodes,): `Space.bodies`. `block` (a,): body of each amplitude; `twists` (a, 6): unit motion of
-    each amplitude, scaled so that a rotation displaces nodes by about 1.
+    `of_node` (n_nodes,): body of each node, -1 for none. `block` (a,): body of each motion; `twists` (a, 6): t and
+    theta, scaled so that a rotation displaces nodes by about 1.
     """
 
+    space: Space
     bodies: tuple[Body, ...]
-    n_connected: int
     of_node: Ints
     block: Ints
     twists: Floats
 
+    @classmethod
+    def of(cls, space: Space, constraints: Constraints) -> _UnitMotions:
+        """Return those of a model; of nodes without cells those that are free in their rigid group."""
+        of_node, unit = space.bodies.copy(), _unit_twists(space)
+        own = unit[1:] if space.model.axisymmetric else unit
+        bodies = _connected(space, of_node)
+        twists = [own / _lengths(body) for body in bodies]
+        attached = space.agreed(space.attached)
+        for rigid in constraints.rigid:
+            bare, arm = rigid.nodes[~attached[rigid.nodes]], rigid.arm[space.mask_own(rigid.nodes)]
+            square, n_arms, n_bare = space.share.total(np.array([np.square(arm).sum(), len(arm), len(bare)]))
+            if n_bare:
+                of_node[bare] = len(bodies)
+                bodies.append(
+                    Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, _radius(square / n_arms))
+                )
+                twists.append(unit[: len(rigid.free)][rigid.free] / _lengths(bodies[-1]))
+        block = np.repeat(np.arange(len(bodies)), [len(own) for own in twists])
+        return cls(space, tuple(bodies), of_node, block, np.concatenate(twists))
 
-def _frame(space: Space, constraints: Constraints) -> _Frame:
-    of_node = space.bodies
-    connected = _connected(space, of_node)
-    model = _unit_twists(space)
-    if space.model.axisymmetric:
-        model = model[1:2]
-    frame_bodies, twists = list(connected), [model / _lengths(body) for body in connected]
-    attached = space.agreed(space.attached)
-    for rigid in constraints.rigid:
-        bare, arm = rigid.nodes[~attached[rigid.nodes]], rigid.arm[space.mask_own(rigid.nodes)]
-        sums = space.share.total(np.array([np.square(arm).sum(), len(arm)]))
-        radius = _radius(sums[0] / sums[1])
-        frame_bodies.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
-        twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(frame_bodies[-1]))
-    for one in constraints.equations:  # further unknowns, which no body has
-        frame_bodies += [Body(f"unknown of {one.name!r}", np.empty(0, np.int64), np.zeros(3), 1.0)] * one.n_further
-        twists += [np.zeros((1, 6))] * one.n_further
-    block = np.repeat(np.arange(len(frame_bodies)), [len(unit) for unit in twists])
-    return _Frame(tuple(frame_bodies), len(connected), of_node, block, np.concatenate(twists))
+    def at(self, nodes: Ints) -> csr_array:
+        """Return the displacements Phi (n_dof, a) of some nodes."""
+        nodes = nodes[self.of_node[nodes] >= 0]
+        body, space = self.of_node[nodes], self.space
+        first, stop = (np.searchsorted(self.block, body, side) for side in ("left", "right"))
+        node = np.repeat(np.arange(len(nodes)), stop - first)
+        motion = np.arange(len(node)) + (first - np.cumsum(stop - first) + stop - first)[node]
+        centre = np.array([b.centre for b in self.bodies]).reshape(-1, 3)
+        unit = self.twists[motion]
+        u = unit[:, :3] + np.cross(unit[:, 3:], space.local.points[nodes[node]] - centre[body[node]])
+        return sparse((space.n_dof, len(self.block)), (space.dofs(nodes[node]), motion[:, None], u[:, : space.dim]))
 
 
 def _connected(space: Space, of_node: Ints) -> list[Body]:
@@ -238,65 +258,31 @@ def _unit_twists(space: Space) -> Floats:
     return np.eye(6)[chosen]
 
 
-def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_array | None) -> csr_array:
-    """Return the constraint matrix on the amplitudes: prescribed directions, mismatch of bodies and groups, springs."""
-    of_bodies = [space.own_nodes(body.nodes) for body in constraints.rigid]
-    rigid = concatenated(of_bodies)
-    sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
-    equated = np.unique(concatenated(one.C.indices for one in constraints.equations))
-    nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung, equated // space.dim]))
-    nodes = nodes[space.attached[nodes]]
-    own = _modes(space, frame, nodes, frame.of_node[nodes])
-    n = frame.n_connected
-    group = np.repeat(n + np.arange(len(constraints.rigid)), [len(nodes) for nodes in of_bodies])
-    attached = space.attached[rigid]
-    shared = space.dofs(rigid[attached]).ravel()
-    apart = (own - _modes(space, frame, rigid[attached], group[attached]))[shared]
-    rows = [constraints.local.D @ own, apart]
-    alone = _modes(space, frame, rigid[~attached], group[~attached])
-    further = n + len(constraints.rigid)
-    moved = csr_array(diags_array(space.of_own(np.ones(space.n_dof))) @ (own + alone))
-    for one in constraints.equations:  # all processes have all of them
-        of_bodies = space.share.total_matrix(csr_array(one.C @ moved))
-        equated = _equation_rows(one, of_bodies, int(np.searchsorted(frame.block, further)))
-        rows.append(equated if space.share.rank == 0 else equated[:0])
-        further += one.n_further
-    if springs is not None:
-        stiffness = abs(springs).max(axis=1).toarray().ravel()
-        unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
-        rows.append(diags_array(unit) @ springs @ (own + alone))
-    return space.share.gather_rows(vstack(rows, format="csr"))
+def _equation_rows(space: Space, one: Equations, Phi: csr_array) -> csr_array:
+    """Return equations C u + E s on unit motions (n_dof, a) at own nodes, each of size 1, for the nearest s.
 
-
-def _equation_rows(one: Equations, rows: csr_array, first: int) -> csr_array:
-    """Return equations on the amplitudes, each of size 1; `first`: amplitude of their first further unknown.
-
-    `rows` (k, a): their parts C u of displacements u under unit amplitudes.
+    All processes have all of the equations, and the first one returns them.
     """
-    size = np.sqrt(np.asarray(one.C.power(2).sum(axis=1)).ravel())
+    E = csr_array((one.C.shape[0], 0)) if one.E is None else one.E
+    size = np.sqrt(np.asarray(one.C.power(2).sum(axis=1) + E.power(2).sum(axis=1)).ravel())
+    unit = diags_array(_inverse(size))
+    rows = csr_array(unit @ space.share.total_matrix(csr_array(one.C @ Phi)))
     if one.E is not None:
-        E = one.E.tocoo()
-        rows = csr_array(rows + sparse(rows.shape, (E.row, E.col + first, E.data)))
-        size = np.sqrt(size**2 + np.asarray(one.E.power(2).sum(axis=1)).ravel())
-    return csr_array(diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ rows)
+        Q = orth((unit @ E).toarray())
+        rows = csr_array(rows - csr_array(Q @ (Q.T @ rows)))
+    return rows if space.share.rank == 0 else rows[:0]
 
 
-def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
-    """Return the displacements (n_dof, a) of some nodes under the unit motions of the `body` of each."""
-    node, amplitude = _amplitudes(frame.block, body)
-    centre = np.array([b.centre for b in frame.bodies]).reshape(-1, 3)
-    unit = frame.twists[amplitude]
-    u = unit[:, :3] + np.cross(unit[:, 3:], space.local.points[nodes[node]] - centre[body[node]])
-    shape = space.n_dof, len(frame.block)
-    return sparse(shape, (space.dofs(nodes[node]), amplitude[:, None], u[:, : space.dim]))
+def _inverse(size: Floats) -> NDArray[np.floating]:
+    """Return 1 / size, 0 where it is 0."""
+    return np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
 
 
-def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
-    """Return the pairs of each of some bodies with each of its amplitudes: (index in `body`, amplitude), both (k,)."""
-    start, stop = np.searchsorted(block, body), np.searchsorted(block, body, side="right")
-    place = np.repeat(np.arange(len(body)), stop - start)
-    before = np.cumsum(stop - start) - (stop - start)
-    return place, start[place] + np.arange(len(place)) - before[place]
+def _without_round_off(rows: csr_array) -> csr_array:
+    """Return rows on unit motions without entries that are round-off, which would join systems."""
+    rows.data[np.abs(rows.data) < _ROUNDING] = 0.0
+    rows.eliminate_zeros()
+    return rows
 
 
 def _null_spaces(

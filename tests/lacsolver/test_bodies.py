@@ -14,6 +14,7 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
+from lacsolver.constraints.matrix import nodal_map
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes, unheld
 from lacsolver.problem.springs import to_ground
@@ -208,7 +209,7 @@ def test_a_screw():
     other = np.cross(helix, normal)
     other /= np.linalg.norm(other, axis=1, keepdims=True)
     local = combine(space, [part._replace(directions=normal), part._replace(directions=other)])
-    (motion,) = free_motions(space, replace(constraints, local=local))
+    (motion,) = free_motions(space, replace(constraints, local=local, T=nodal_map(space, local, ())))
     assert describe(motion) == "'body' screws about an axis along z through (0, 0, 0.5), 0.25 forward a radian"
     np.testing.assert_allclose(np.cross(motion.field.reshape(-1, 3)[thread], helix), 0, atol=1e-12)
 
