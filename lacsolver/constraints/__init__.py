@@ -3,8 +3,9 @@
 conditions = direction . u = value, at nodes                         (conditions; normals, for `un`)
 local bases = directions in which each node remains free             (local)
 rigid bodies = nodes that move with a few rigid-body motions         (rigid)
-constraints = all of them as T, u0(t), and their reactions           (constraints)
-equations = sums of displacements, of which unknowns are eliminated  (equations; equated)
+supports = all of these as u = T x + u0(t)                           (supports)
+equations = sums of displacements, of which unknowns are eliminated  (equations)
+constraints = supports and equations in a chain, and their reactions (constraints)
 of the case: their terms, shared displacements                     (terms)
 rows of equality = sums that are kept, with multipliers              (equality_rows)
 """

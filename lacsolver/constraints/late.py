@@ -21,10 +21,11 @@ from lacmesh.mesh import Floats, concatenated
 from lacsolver.case.case import Case
 from lacsolver.case.records import Displacement
 from lacsolver.constraints.conditions import Prescribed, along_axes
-from lacsolver.constraints.constraints import Constraints, probed_times
+from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equality_rows import EqualityAt, EqualityRows, Locked, Unlocked, moves, until
 from lacsolver.constraints.local import combine
 from lacsolver.constraints.rigid import check_apart
+from lacsolver.constraints.supports import probed_times
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.space.places import name_of, nodes_of, said, wrong
 from lacsolver.space.space import Space

@@ -13,11 +13,11 @@ from lacsolver.case.entry import Entry
 from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Displacement, Force
 from lacsolver.constraints import coupling, cyclic, pretension, shared, terms
-from lacsolver.constraints.constraints import Constraints, probed_times
+from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equality_rows import EqualityRows, lengths, moves
-from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.late import is_late, late_supports
+from lacsolver.constraints.supports import probed_times
 from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import joined_columns
@@ -46,11 +46,11 @@ def equations_of(space: Space, case: Case) -> tuple[Equations, ...]:
 def constraints_of(space: Space, case: Case, equations: tuple[Equations, ...] | None = None) -> Constraints:
     """Return the constraints of a case, with its equations: those of `equations_of` unless they are given.
 
-    Raises CaseError for records that contradict one another, as `Constraints.of` and `EquatedConstraints` do.
+    Raises CaseError for records that contradict one another, as `Constraints.of` and `with_equations` do.
     """
-    plain = Constraints.of(space, case)
+    supported = Constraints.of(space, case)
     equations = equations_of(space, case) if equations is None else equations
-    return EquatedConstraints.with_equations(plain, equations, probed_times(case))
+    return supported.with_equations(equations, probed_times(case))
 
 
 def equalities_of(constraints: Constraints, case: Case) -> tuple[EqualityRows, ...]:

@@ -120,7 +120,7 @@ def own_free(pair: ContactPair, space: Space, constraints: Constraints) -> Bools
     zone, dim = pair.zone, space.dim
     owner = internal_nodes(zone, space.mesh.n_nodes)
     nodes = np.flatnonzero(owner >= 0)
-    T = csr_array(constraints.nodal.T)
+    T = csr_array(constraints.nodal_T)
     free = np.stack([_products(T, dim * nodes + i, dim * nodes + j) for i in range(dim) for j in range(dim)], axis=-1)
     free = free.reshape(-1, dim, dim)  # projectors on the free directions
     if pair.law.all_components:
@@ -191,7 +191,7 @@ def _young(space: Space, materials: Materials, constraints: Constraints) -> NDAr
         nodes = block.nodes.ravel()
         total += np.bincount(nodes, np.repeat(moduli[law], block.nodes.shape[1]), len(total))
         count += np.bincount(nodes, minlength=len(total))
-    free = (np.diff(constraints.nodal.T.indptr).reshape(-1, space.dim) > 0).any(axis=1)
+    free = (np.diff(constraints.nodal_T.indptr).reshape(-1, space.dim) > 0).any(axis=1)
     return np.where(free, np.divide(total, count, out=np.full_like(total, np.inf), where=count > 0), np.inf)
 
 

@@ -77,7 +77,7 @@ class Inertia:
     def tangent(self, q: Floats, t: float) -> csr_array:
         """Return T_w = dw/dq (n_w, n_q)."""
         c = self.constraints
-        T, x, n = c.tangent(q, t), c.before_equations(q, t), c.plain.n_q
+        T, x, n = c.tangent(q, t), c.before_equations(q, t), c.supports.n_x
         parts = [_columns(body, body.moment_arm_at(body.motion(x, t)), n) for body in self.points]
         return T if not parts else csr_array(vstack([T, *map(c.through_equations, parts)]))
 
@@ -124,7 +124,7 @@ class Inertia:
             parts.append((columns, bent[np.ix_(body.free, body.free)]))
         if not parts:
             return None
-        bent = sparse_blocks(c.plain.n_q, parts)
+        bent = sparse_blocks(c.supports.n_x, parts)
         return csr_array(c.through_equations(c.through_equations(bent).T.tocsr()).T)
 
     def of_own(self, f: Floats) -> NDArray[np.floating]:

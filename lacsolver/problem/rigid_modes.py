@@ -79,12 +79,12 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
     Bodies that share a rigid group are treated together, and its nodes without cells are a body of their own. A body is
     named after its groups (`body_names`).
     """
-    plain, units = constraints.plain, _UnitMotions.of(space, constraints)
-    acting = [plain.constrained, *(one.C.indices for one in constraints.equations)]
+    supports, units = constraints.supports, _UnitMotions.of(space, constraints)
+    acting = [supports.constrained, *(one.C.indices for one in constraints.equations)]
     acting += [] if springs is None else [np.flatnonzero(np.diff(springs.indptr))]
     Phi = units.at(np.unique(np.concatenate(acting) // space.dim))
     own = diags_array(space.of_own(np.ones(space.n_dof)))
-    rows = [own @ (Phi - plain.T @ plain.unknowns(Phi))]
+    rows = [own @ (Phi - supports.T @ supports.unknowns(Phi))]
     rows += [_equation_rows(space, one, csr_array(own @ Phi)) for one in constraints.equations]
     if springs is not None:
         stiffness = abs(springs).max(axis=1).toarray().ravel()

@@ -209,7 +209,8 @@ def test_a_screw():
     other = np.cross(helix, normal)
     other /= np.linalg.norm(other, axis=1, keepdims=True)
     local = combine(space, [part._replace(directions=normal), part._replace(directions=other)])
-    (motion,) = free_motions(space, replace(constraints, local=local, T=nodal_map(space, local, ())))
+    supports = replace(constraints.supports, local=local, T=nodal_map(space, local, ()))
+    (motion,) = free_motions(space, replace(constraints, supports=supports))
     assert describe(motion) == "'body' screws about an axis along z through (0, 0, 0.5), 0.25 forward a radian"
     np.testing.assert_allclose(np.cross(motion.field.reshape(-1, 3)[thread], helix), 0, atol=1e-12)
 
