@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, concatenated
 from lacmesh.surface import Surface
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Displacement
@@ -19,6 +20,7 @@ from lacsolver.constraints.normals import Normals, nodal_normals
 from lacsolver.space.axes import directions
 from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 _AXES = ("ux", "uy", "uz")
 #: largest x of a node on the axis of symmetry, relative to the bodies' extent
@@ -42,6 +44,24 @@ class Prescribed(NamedTuple):
     def at(self, space: Space, t: float) -> NDArray[np.floating]:
         """Return the value (k,) at each node at time t. Raises EvaluationError where it is not finite."""
         return self.value(space.mesh.points[self.nodes][:, : space.dim], t)
+
+    def take(self, chosen: NDArray[np.bool_]) -> Prescribed:
+        """Return the component at some of its nodes, a mask (k,)."""
+        return self._replace(nodes=self.nodes[chosen], directions=self.directions[chosen])
+
+
+def values_of(space: Space, parts: Iterable[Prescribed], t: float) -> NDArray[np.floating]:
+    """Return the values (k,) of some prescribed components at time t, one after the other."""
+    return np.concatenate([np.empty(0), *(part.at(space, t) for part in parts)])
+
+
+def rows_of(space: Space, parts: Sequence[Prescribed]) -> csr_array:
+    """Return C (k, n_dof), such that C u are some components of displacement that are prescribed, in their order."""
+    nodes = concatenated(part.nodes for part in parts)
+    d = np.concatenate([np.empty((0, space.dim)), *(part.directions for part in parts)])
+    C = sparse((len(nodes), space.n_dof), (np.arange(len(nodes))[:, None], space.dofs(nodes), d))
+    C.eliminate_zeros()
+    return C
 
 
 def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribed, ...]:

@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, concatenated
 from lacsolver.case.case import Case
 from lacsolver.case.records import Displacement
-from lacsolver.constraints.conditions import Prescribed, along_axes
+from lacsolver.constraints.conditions import Prescribed, along_axes, rows_of, values_of
 from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equality_rows import EqualityAt, EqualityRows, Locked, Unlocked, moves, until
 from lacsolver.constraints.local import combine
@@ -29,7 +29,6 @@ from lacsolver.constraints.supports import probed_times
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.space.places import name_of, nodes_of, said, wrong
 from lacsolver.space.space import Space
-from lacsolver.space.sparse import sparse
 
 #: relative difference of displacements that count as the same
 _SAME = 1e-9
@@ -52,10 +51,7 @@ class LateSupport:
     @classmethod
     def of(cls, space: Space, number: int, record: Displacement, parts: Sequence[Prescribed]) -> LateSupport:
         """Return the rows of some conditions of a record."""
-        nodes, directions = concatenated(part.nodes for part in parts), [part.directions for part in parts]
-        d = np.concatenate([np.empty((0, space.dim)), *directions])
-        C = sparse((len(nodes), space.n_dof), (np.arange(len(nodes))[:, None], space.dofs(nodes), d))
-        return cls(space, number, record, tuple(parts), C)
+        return cls(space, number, record, tuple(parts), rows_of(space, parts))
 
     @property
     def name(self) -> str:
@@ -70,7 +66,7 @@ class LateSupport:
 
     def values(self, t: float) -> NDArray[np.floating]:
         """Return the value (k,) of each condition at time t."""
-        return np.concatenate([np.empty(0), *(part.at(self.space, t) for part in self.parts)])
+        return values_of(self.space, self.parts, t)
 
     def remembered(self, t: float) -> float:
         """Return 1 - r at time t: what counts of the difference of value and displacement at `begin`."""
@@ -92,10 +88,7 @@ class LateSupport:
     def without(self, dropped: NDArray[np.bool_]) -> LateSupport:
         """Return these conditions without some, a mask (k,)."""
         ends = np.cumsum([len(part.nodes) for part in self.parts])[:-1]
-        kept = [
-            part._replace(nodes=part.nodes[own], directions=part.directions[own])
-            for part, own in zip(self.parts, np.split(~dropped, ends), strict=True)
-        ]
+        kept = [part.take(own) for part, own in zip(self.parts, np.split(~dropped, ends), strict=True)]
         return LateSupport.of(self.space, self.number, self.record, kept)
 
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.constraints.conditions import Prescribed
+from lacsolver.constraints.conditions import Prescribed, rows_of, values_of
 from lacsolver.space.places import said
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import sparse
@@ -50,11 +50,11 @@ class LocalBases:
     @cached_property
     def D(self) -> csr_array:
         """Matrix (i, n_dof) such that D u are the components of displacement that are prescribed."""
-        return _sparse(self.space, self.node, self.direction).T.tocsr()
+        return rows_of(self.space, self.parts)
 
     def values(self, t: float) -> NDArray[np.floating]:
         """Return the prescribed values (i,) of D u at time t. Raises CaseError where two conditions contradict."""
-        c = np.concatenate([np.empty(0), *(part.at(self.space, t) for part in self.parts)])
+        c = values_of(self.space, self.parts, t)
         missed = np.abs(self.D @ (self.P @ c) - c)
         if missed.max(initial=0.0) > _SAME_VALUE * np.abs(c).max(initial=0.0) + _SAME_PLACE * self.space.extent:
             self._contradiction(int(missed.argmax()), c, t)
@@ -101,7 +101,8 @@ def combine(space: Space, parts: Sequence[Prescribed]) -> LocalBases:
     kept = np.flatnonzero(row >= 0)
     where = place[kept]
     along = np.einsum("ksd,ks->kd", basis[where], inverse[where, :, row[kept]])
-    P = _sparse(space, node[kept], along, kept, len(node))
+    P = sparse((space.n_dof, len(node)), (space.dofs(node[kept]), kept[:, None], along))
+    P.eliminate_zeros()
     return LocalBases(space, tuple(parts), node, direction, nodes, _completed(basis, rank), dim - rank, P)
 
 
@@ -148,14 +149,3 @@ def _completed(B: Floats, rank: Ints) -> NDArray[np.floating]:
         v = np.take_along_axis(left, axis[:, None, None], axis=1)[:, 0]
         N[at, k] = v / np.linalg.norm(v, axis=1, keepdims=True)
     return N
-
-
-def _sparse(space: Space, node: Ints, block: Floats, column: Ints | None = None, n: int | None = None) -> csr_array:
-    """Return a matrix (n_dof, n) with row k of `block` (k, dim) at the unknowns of `node[k]`, in column `column[k]`.
-
-    Without `column` it is column k.
-    """
-    column = np.arange(len(node)) if column is None else column
-    matrix = sparse((space.n_dof, n or len(node)), (space.dofs(node), column[:, None], block))
-    matrix.eliminate_zeros()
-    return matrix

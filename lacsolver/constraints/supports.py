@@ -24,7 +24,6 @@ from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.matrix import nodal_map, with_motions
 from lacsolver.constraints.rigid import RigidBody, numbered, rigid_bodies
-from lacsolver.constraints.shared import without
 from lacsolver.space.places import name_of
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import sparse_blocks
@@ -60,7 +59,8 @@ class Supports:
         parts = prescribed(space, [record for record in case.displacement if record.begin is None])
         rigid = rigid_bodies(space, rigid_records(case), case.kinematics == "finite", case.gravity)
         moved = concatenated(body.nodes for body in rigid)
-        parts = without(parts, mask_of(space.mesh.n_nodes, moved))
+        by_rigid = mask_of(space.mesh.n_nodes, moved)
+        parts = tuple(part.take(~by_rigid[part.nodes]) for part in parts)
         local = combine(space, (*parts, *on_axis(space, moved)))
         nodal = nodal_map(space, local, rigid)
         rigid = numbered(rigid, nodal.shape[1])

@@ -144,14 +144,16 @@ def _traction(space: Space, record: Traction) -> Load:
     """Return a force per area of the undeformed faces, whose values may depend on their unit normals."""
     values = _values(space, record, "t")
     on = on_skin(space, space.mesh.cells_of(record.group))
-    return _distributed(record, on, lambda at, t: _along(space, values, at.x, t, unit(at.normal)) * at.size[..., None])
+    return _distributed(
+        record, on, lambda at, t: _values_at(space, values, at.x, t, unit(at.normal)) * at.size[..., None]
+    )
 
 
 def _body_force(space: Space, record: BodyForce) -> Load:
     """Return a force per volume of the undeformed cells."""
     values = _values(space, record, "f")
     on = Quadrature.on_cells(space, space.cells(record.groups))
-    return _distributed(record, on, lambda at, t: _along(space, values, at.x, t) * at.size[..., None])
+    return _distributed(record, on, lambda at, t: _values_at(space, values, at.x, t) * at.size[..., None])
 
 
 def _gravity(space: Space, materials: Materials, record: Gravity, weight: Weight | None) -> Load:
@@ -161,7 +163,7 @@ def _gravity(space: Space, materials: Materials, record: Gravity, weight: Weight
     """
     values = _values(space, record, "g")
     if weight is not None:
-        return Load(record, lambda t, _u: weight(_along(space, values, space.mesh.points, t).ravel()))
+        return Load(record, lambda t, _u: weight(_values_at(space, values, space.mesh.points, t).ravel()))
     if not any(law.density for law in materials.laws):
         raise DataError("gravity needs a density, and every material has 0; give at least one its density")
     density = np.zeros(space.mesh.n_cells)
@@ -169,7 +171,7 @@ def _gravity(space: Space, materials: Materials, record: Gravity, weight: Weight
         density[block.cell] = materials.densities(number)
 
     def weight_at(at: Points, t: float) -> NDArray[np.floating]:
-        return _along(space, values, at.x, t) * (density[at.cells.cell][:, None] * at.size)[..., None]
+        return _values_at(space, values, at.x, t) * (density[at.cells.cell][:, None] * at.size)[..., None]
 
     return _distributed(record, Quadrature(space, space.blocks), weight_at)
 
@@ -187,7 +189,7 @@ def pressure(record: Pressure, on: Quadrature) -> Load:
     space = on.space
 
     def value(at: Points, t: float) -> NDArray[np.floating]:
-        return _along(space, [record.value], at.x, t)
+        return _values_at(space, [record.value], at.x, t)
 
     def force(t: float, u: Floats | None) -> NDArray[np.floating]:
         return on.forces(lambda at: -value(at, t) * at.normal[..., : space.dim], u if record.follower else None)
@@ -267,7 +269,7 @@ def _force(space: Space, record: Force) -> Load:
 
     def force(t: float, _u: Floats | None) -> NDArray[np.floating]:
         out = np.zeros((space.mesh.n_nodes, space.dim))
-        f = _along(space, values, space.mesh.points[nodes], t) * parts[:, None]
+        f = _values_at(space, values, space.mesh.points[nodes], t) * parts[:, None]
         out[nodes] = np.einsum("nk,nks->ns", f, axes)
         return out.ravel() if moment is None else out.ravel() + moment.force(t)
 
@@ -351,7 +353,7 @@ def _values(space: Space, record: Entry, letter: str) -> list[Value | None]:
     return [getattr(record, f"{letter}{axis}") for axis in _AXES[: space.dim]]
 
 
-def _along(
+def _values_at(
     space: Space, values: Sequence[Value | None], x: Floats, t: float, normals: Floats | None = None
 ) -> NDArray[np.floating]:
     """Return values (..., k) at points x (..., 3) and time t, 0 for None; `normals` (..., 3): unit normals there."""
