@@ -81,10 +81,7 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
     if not (joint.moving and joint.one_sided):
         return None
     depth = float(looked(joint, face).min(initial=np.inf))
-    points = _NOTHING
-    if _apart(face.slave, face.master, x) > min(_limits(skin, depth).min() for skin in (face.slave, face.master)):
-        slave, master = _moving(face.slave, x, depth), _moving(face.master, x, depth)
-        points = _passed(slave, master, _clearances(joint, t))
+    points = _passed(face.slave, face.master, x, depth, _clearances(joint, t))
     if not space.share.largest(float(len(points.face))):
         return None
     seen = np.where(joint.above_threshold(face), _seen(face, space.share), 0.0)
@@ -130,17 +127,6 @@ def _limits(skin: Surface, depth: float) -> NDArray[np.floating]:
     return np.asarray(np.fmin(depth, np.where(skin.depth > 0, skin.depth / 2, np.nan)))
 
 
-def _apart(slave: Surface, master: Surface, x: Floats) -> float:
-    """Return a bound of how far nodes of two skins have moved relative to each other, from nodes at x."""
-    ends = []
-    for skin in (slave, master):
-        nodes = skin.faces.nodes[skin.faces.nodes >= 0]
-        moved = skin.x[nodes] - x[nodes]
-        ends.append((moved.min(axis=0), moved.max(axis=0)))
-    (low, high), (other_low, other_high) = ends
-    return float(np.linalg.norm(np.maximum(high - other_low, other_high - low)))
-
-
 def _clearances(joint: ContactPair, t: float) -> NDArray[np.floating]:
     """Return the clearance (slave faces,) at the faces' centres."""
     slave, value = joint.zone.slave, joint.pairing.clearance
@@ -156,26 +142,29 @@ def _seen(face: Interface, share: Share) -> NDArray[np.floating]:
     return share.total(deepest)  # each has points of its own macro-elements alone
 
 
-def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> Passing:
-    """Return the points of both skins that pass a face of the other one."""
-    least = min(slave.limit.min(initial=np.inf), master.limit.min(initial=np.inf))
-    ours, theirs = _approaching(slave, master, least), _approaching(master, slave, least)
+def _passed(slave: Surface, master: Surface, x: Floats, depth: float, clearance: Floats) -> Passing:
+    """Return the points of both skins that pass a face of the other one, from nodes at x (n_nodes, 3)."""
+    least = min(_limits(skin, depth).min(initial=np.inf) for skin in (slave, master))
+    ours, theirs = _approaching(slave, master, x, least), _approaching(master, slave, x, least)
     parts = [_NOTHING]
-    for i, j in _near(slave.take(ours), master.take(theirs)) if len(ours) and len(theirs) else ():
-        one, other = ours[i], theirs[j]
-        facing = (slave.normals[:, one] * master.normals[:, other]).sum(axis=2).min(axis=0) < 0
-        one, other = one[facing], other[facing]
-        sides = slave.take(one), master.take(other)
-        for points, faces in (sides, sides[::-1]):
-            pair, depth, place = _crossing(points, faces, clearance[one])
-            parts.append(Passing(one[pair], depth, faces.limit[pair], place))
+    if len(ours) and len(theirs):
+        one, other = _moving(slave.take(ours), x, depth), _moving(master.take(theirs), x, depth)
+        for i, j in _near(one, other):
+            facing = (one.normals[:, i] * other.normals[:, j]).sum(axis=2).min(axis=0) < 0
+            i, j = i[facing], j[facing]
+            sides = one.take(i), other.take(j)
+            for points, faces in (sides, sides[::-1]):
+                pair, deep, place = _crossing(points, faces, clearance[ours[i]])
+                parts.append(Passing(ours[i[pair]], deep, faces.limit[pair], place))
     return Passing(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _approaching(skin: _Moving, other: _Moving, least: float) -> Ints:
+def _approaching(skin: Surface, other: Surface, x: Floats, least: float) -> Ints:
     """Return the faces of a skin that move relative to some node of the other one by more than `least`."""
-    moved, theirs = skin.end - skin.start, (other.end - other.start).reshape(-1, 3)
-    apart = np.maximum(moved.max(axis=1) - theirs.min(axis=0), theirs.max(axis=0) - moved.min(axis=1))
+    nodes, theirs = skin.faces.nodes, other.faces.nodes[other.faces.nodes >= 0]
+    nodes = np.where(nodes >= 0, nodes, nodes[:, :1])
+    moved, by = skin.x[nodes] - x[nodes], other.x[theirs] - x[theirs]
+    apart = np.maximum(moved.max(axis=1) - by.min(axis=0), by.max(axis=0) - moved.min(axis=1))
     return np.flatnonzero(np.linalg.norm(apart, axis=1) > least)
 
 

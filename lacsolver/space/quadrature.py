@@ -90,7 +90,7 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Quadrature over cells of one dimension, type by type, of a space; of several processes those near its nodes."""
+    """Quadrature over cells of one dimension, type by type, of a space."""
 
     space: Space
     blocks: tuple[Cells, ...]
@@ -99,7 +99,7 @@ class Quadrature:
     def on_cells(cls, space: Space, cells: Ints) -> Quadrature:
         """Return that over cells (indices); of faces and edges with the same nodes the first one counts."""
         blocks = []
-        for name, chosen, nodes in space.mesh.select(space.near(cells)):
+        for name, chosen, nodes in space.mesh.select(cells):
             if CELLS[name].dim < space.dim:
                 first = np.sort(np.unique(np.sort(nodes, axis=1), axis=0, return_index=True)[1])
                 chosen, nodes = chosen[first], nodes[first]

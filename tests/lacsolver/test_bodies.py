@@ -14,7 +14,7 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
-from lacsolver.constraints.matrix import nodal_map
+from lacsolver.constraints.supports import nodal_map
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes, unheld
 from lacsolver.problem.springs import to_ground
