@@ -165,7 +165,7 @@ def _gravity(space: Space, materials: Materials, record: Gravity, weight: Weight
     if weight is not None:
         return Load(record, lambda t, _u: weight(_values_at(space, values, space.mesh.points, t).ravel()))
     if not any(law.density for law in materials.laws):
-        raise DataError("gravity needs a density, and every material has 0; give at least one its density")
+        raise DataError("it needs a density, and every material has 0; give at least one its density")
     density = np.zeros(space.mesh.n_cells)
     for number, block in enumerate(space.blocks):
         density[block.cell] = materials.densities(number)

@@ -148,7 +148,7 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
     """Return the products (m, k) of normalised rows with unit motions, and the number of rows (k,) on their bodies."""
     B = csr_array(B)
     size = np.sqrt(B.power(2).sum(axis=1))
-    unit = diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ B
+    unit = diags_array(_inverse(size)) @ B
     fields = _fields(motions, x)
     dim, there = motions[0].space.dim, np.concatenate([motion.nodes for motion in motions])
     own = np.repeat(np.arange(len(motions)), [len(motion.nodes) for motion in motions])
@@ -182,10 +182,8 @@ class _UnitMotions(NamedTuple):
             bare, arm = rigid.nodes[~attached[rigid.nodes]], rigid.arm[space.mask_own(rigid.nodes)]
             square, n_arms, n_bare = space.share.total(np.array([np.square(arm).sum(), len(arm), len(bare)]))
             if n_bare:
-                of_node[bare] = len(bodies)
-                bodies.append(
-                    Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, _radius(square / n_arms))
-                )
+                of_node[bare], radius = len(bodies), _radius(square / n_arms)
+                bodies.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
                 twists.append(unit[: len(rigid.free)][rigid.free] / _lengths(bodies[-1]))
         block = np.repeat(np.arange(len(bodies)), [len(own) for own in twists])
         return cls(space, tuple(bodies), of_node, block, np.concatenate(twists))
