@@ -145,8 +145,7 @@ def place_lines(
     low, high = parts.ends[piece, 0], parts.ends[piece, 1]
     u = low + X * (high - low)
     x, d = _at(slave.G[fs], u)
-    n = normals_at(H, fs, fm, d, u)
-    um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))
+    um, gap, met, n = ends_of_rays(H, fs, fm, x, d, u, master.G[fm], master.xi[m, :2, 0].mean(axis=1))
     weight = w * (high - low) * np.linalg.norm(d, axis=1)
     if radius is not None:
         weight = weight * 2 * np.pi * (radius + x[:, 0])
@@ -159,12 +158,25 @@ def place_lines(
     return Placed(first, piece, xi_s, xi_m, weight, n, gap, met)
 
 
-def normals_at(H: NormalMaps, face: Ints, other: Ints, d: Floats, u: Floats) -> NDArray[np.floating]:
-    """(n, 3): unit normals at u (n,) of slave faces (n,) with tangents d (n, 3); `other` (n,): the master's faces."""
+def ends_of_rays(
+    H: NormalMaps, face: Ints, other: Ints, x: Floats, d: Floats, u: Floats, G: Floats, um: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_], Floats]:
+    """Ends of rays from points u (n,) of slave faces, at x (n, 3) with tangents d (n, 3): (um, length, met, normal).
+
+    `face`, `other` (n,): the faces of slave and master; `G` (n, 9, 3): maps of the latter; `um` (n,): a first guess.
+    """
+    if H.of_master:
+        return _feet(G, H.G[other], x, um)
+    n = _normals_at(H, face, d, u)
+    return *meet(G, x, n, um), n
+
+
+def _normals_at(H: NormalMaps, face: Ints, d: Floats, u: Floats) -> NDArray[np.floating]:
+    """(n, 3): unit normals at u (n,) of slave faces (n,) with tangents d (n, 3)."""
     n = np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         if H.are_normals:
-            n = _at(H.G[other if H.of_master else face], u)[0]
+            n = _at(H.G[face], u)[0]
         elif len(H.G):
             n = n - _at(H.G[face], u)[0][:, :1] * d / np.linalg.norm(d, axis=1, keepdims=True)
         return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
@@ -231,3 +243,24 @@ def meet(G: Floats, x: Floats, n: Floats, u: Floats) -> tuple[Floats, Floats, ND
     met |= np.abs(step) < 1e-10
     y, _ = _at(G, u)
     return u, ((y - x) * n).sum(axis=1), met
+
+
+def _feet(G: Floats, H: Floats, x: Floats, u: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], Floats]:
+    """Points of segments of maps G whose normals, of maps H, go through x (k, 3): (u, distance, met, unit normal).
+
+    Newton's method from a guess u, as in `meet`: the segment's tangent is that of y - r n at the length r.
+    """
+    for _ in range(_STEPS):
+        y, d = _at(G, u)
+        h, dh = _at(H, u)
+        size = np.linalg.norm(h, axis=1)[:, None]
+        n = h / size
+        r = ((y - x) * n).sum(axis=1)
+        across = np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            step = ((y - x) * across).sum(axis=1) / ((d - r[:, None] * dh / size) * across).sum(axis=1)
+        met = np.abs(step) < 1e-10
+        if not (np.abs(step) > 1e-15).any():
+            break
+        u = u - np.clip(step, -1.0, 1.0)
+    return u, r, met, n

@@ -48,8 +48,8 @@ _POWERS = np.array([[0, 1, 0, 2, 1, 0, 2, 1, 2, 3, 0], [0, 0, 1, 0, 1, 2, 1, 2, 
 class NormalMaps(NamedTuple):
     """Maps that the normals of contact follow from, beside the slave's faces themselves.
 
-    G (f, 9, 3): of normals, by slave face or, `of_master`, by master face; (f, 9, 2): of the slopes of the slave's
-    smooth surface to its faces; (0, 9, 3): none, as normals are the slave faces' own.
+    G (f, 9, 3): of normals, by slave face or, `of_master`, by master face, where a ray ends; (f, 9, 2): of the slopes
+    of the slave's smooth surface to its faces; (0, 9, 3): none, as normals are the slave faces' own.
     """
 
     G: Floats
@@ -64,13 +64,6 @@ class NormalMaps(NamedTuple):
     def are_normals(self) -> bool:
         """True for maps of normals."""
         return len(self.G) > 0 and self.G.shape[2] == 3
-
-    @classmethod
-    def constant(cls, n: Floats) -> NormalMaps:
-        """Return those of one normal, n (f, 3), for all of a master's face."""
-        G = np.zeros((len(n), N_MONOMIALS, 3))
-        G[:, 0] = n
-        return cls(G, True)
 
 
 def monomials(X: Floats, n: int = N_MONOMIALS, along: int | None = None) -> Floats:
@@ -298,6 +291,57 @@ def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
             break
     y, du, dv = at(G, kind, u, v)
     return met, u, v, (y[0] - x[0]) * n[0] + (y[1] - x[1]) * n[1] + (y[2] - x[2]) * n[2]
+
+
+@kernel(borrows=True)
+def foot(G: Any, kind: int, H: Any, x: Any, u: float, v: float) -> Any:
+    """Point of a face of map G whose normal, of map H, goes through x: (met, u, v, distance, normal), from a guess.
+
+    Newton's method for y(u, v) - x along n, with steps of at most 1, as in `ray`; the distance is along the unit n.
+    """
+    met = False
+    for _ in range(_MOST):
+        d, du, dv, n = _off_foot(G, kind, H, x, u, v)
+        det = triple(n, du, dv)
+        if det == 0.0:
+            break
+        su, sv = triple(n, d, dv) / det, triple(n, du, d) / det
+        longest = max(abs(su), abs(sv))
+        if not longest < np.inf:
+            break
+        if longest > 1.0 and kind != AFFINE:
+            su /= longest
+            sv /= longest
+        u -= su
+        v -= sv
+        if longest < 1e-9:
+            met = True
+            break
+    d, _, _, n = _off_foot(G, kind, H, x, u, v)
+    return met, u, v, d[0] * n[0] + d[1] * n[1] + d[2] * n[2], n
+
+
+@kernel(borrows=True)
+def _off_foot(G: Any, kind: int, H: Any, x: Any, u: float, v: float) -> Any:
+    """Vector d from x to the point (u, v) of a face, its derivatives but for parts along n, and the unit normal n.
+
+    The derivatives are of d - r n at the length r = d.n, which is 0 at the foot.
+    """
+    y, du, dv = at(G, kind, u, v)
+    h, hu, hv = at(H, CURVED, u, v)
+    size = np.sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+    n = (h[0] / size, h[1] / size, h[2] / size)
+    d = (y[0] - x[0], y[1] - x[1], y[2] - x[2])
+    r = (d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) / size
+    du = (du[0] - r * hu[0], du[1] - r * hu[1], du[2] - r * hu[2])
+    dv = (dv[0] - r * hv[0], dv[1] - r * hv[1], dv[2] - r * hv[2])
+    return d, du, dv, n
+
+
+@kernel
+def triple(a: Any, b: Any, c: Any) -> Any:
+    """Return a.(b x c)."""
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 def values(G: Floats, face: Ints, xi: Floats) -> NDArray[np.floating]:

@@ -6,6 +6,8 @@ Over a face with the normal N, the tangents t_k and their dual vectors a^k, the 
 
 with slopes s_k: db/dxi^k for a height b along N, or those of the exact shape, -n.t_k / n.N.
 
+Or they are the master's smoothed ones, turned round.
+
 A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
 3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
 """
@@ -20,7 +22,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface.maps import NormalMaps, interpolated, padded_nodes, slopes, values
-from lacmesh.surface.record import Surface, mean_normals
+from lacmesh.surface.record import Surface
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
 CREASE_ANGLE = 40.0
@@ -73,7 +75,7 @@ def smooth_normals(J: Floats, lean: Floats) -> NDArray[np.floating]:
 def normal_maps(slave: Surface, master: Surface, normals: str, crease_angle: float | None) -> NormalMaps:
     """Return the maps that the normals of contact follow from; arguments as in `lacmesh.contact_points`."""
     if normals == "master":
-        return NormalMaps.constant(-mean_normals(master)[0])
+        return NormalMaps(interpolated(master.faces.type, -smoothed(master, crease_angle)), True)
     if normals == "smoothed":
         return NormalMaps(interpolated(slave.faces.type, smoothed(slave, crease_angle)))
     return NormalMaps.none() if slave.height is None else NormalMaps(slave.height.leans)

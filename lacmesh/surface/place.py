@@ -27,7 +27,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, FLAT, NEARLY_FLAT, NormalMaps, at, curved, in_face, inverse, ray
+from lacmesh.surface.maps import AFFINE, CURVED, FLAT, NEARLY_FLAT, NormalMaps, at, curved, foot, in_face, inverse, ray
 from lacmesh.surface.moments import Gauss, SegmentFace, gauss_rules, in_plane
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
@@ -222,18 +222,37 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
 
 
 @kernel(borrows=True)
-def normal_at(H: Any, face: int, other: int, du: Any, dv: Any, u: float, v: float) -> Any:
+def end_of_ray(
+    H: Any, face: int, other: int, x: Any, du: Any, dv: Any, u: float, v: float, G: Any, kind: int, um: float, vm: float
+) -> Any:
+    """End of the ray from the point (u, v) of a slave face: (met, um, vm, length, unit normal, Jacobian).
+
+    The point is at x, with tangents du, dv. `G`, `kind`: map of the master's face `other`; (um, vm): a first guess
+    there; H: `normals.normal_maps`.
+    """
+    unit, jacobian = normal_at(H, face, du, dv, u, v)
+    if H.of_master:
+        met, um, vm, length, unit = foot(G, kind, H.G[other], x, um, vm)
+    else:
+        met, um, vm, length = ray(G, kind, x, unit, um, vm)
+    return met, um, vm, length, unit, jacobian
+
+
+@kernel(borrows=True)
+def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     """Unit normal of a face with tangents du, dv at (u, v), and the Jacobian; H: `normals.normal_maps`.
 
-    `other`: the master's face.
+    It is the face's own where normals are the master's.
     """
     n0 = du[1] * dv[2] - du[2] * dv[1]
     n1 = du[2] * dv[0] - du[0] * dv[2]
     n2 = du[0] * dv[1] - du[1] * dv[0]
     jacobian = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     size = jacobian
+    if H.of_master:
+        return (n0 / size, n1 / size, n2 / size), jacobian
     if len(H.G) and H.G.shape[2] == 3:
-        (n0, n1, n2), _, _ = at(H.G[other if H.of_master else face], CURVED, u, v)
+        (n0, n1, n2), _, _ = at(H.G[face], CURVED, u, v)
     elif len(H.G):
         bu, bv = curved(H.G[face], 0, u, v)[0], curved(H.G[face], 1, u, v)[0]
         t0, t1, t2 = bu * dv[0] - bv * du[0], bu * dv[1] - bv * du[1], bu * dv[2] - bv * du[2]
@@ -288,11 +307,10 @@ def _raised(
 ) -> Any:
     """Turn a point's values in the plane into those on the true slave face: (um, vm, weight, normal, gap, met).
 
-    The master point (um, vm) and the gap are found along the normal at (u, v); `f`, `other`: rows of the two faces.
+    The master point (um, vm) and the gap are found along the normal; `f`, `other`: rows of the two faces.
     """
     x, du, dv = at(slave.G, slave.kind, u, v)
-    unit, jacobian = normal_at(H, f, other, du, dv, u, v)
-    hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
+    hit, um, vm, gap, unit, jacobian = end_of_ray(H, f, other, x, du, dv, u, v, master.G, master.kind, um, vm)
     return um, vm, weight * jacobian / _across(du, dv, e), unit, gap, hit
 
 

@@ -72,8 +72,8 @@ def contact_points(
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
     negative one are left out. `normals`: `facet`, the slave's true normal, which is that of the smooth surface where
     faces have heights; `smoothed`, nodal normals averaged over edges with an angle below `crease_angle` degrees
-    (None: 40, and over any edge between faces that the slave's height takes as one shape); or `master`, the mean normal
-    of the master's face, turned round. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    (None: 40, and over any edge between faces that the slave's height takes as one shape); or `master`, the same of the
+    master, turned round, where the ray ends. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
     `keeps` (faces of slave,): faces that keep to a plane master also where they have turned away from it, as those of
     an edge that folds under; not farther from it than their macro-element is large. Only with the master's normals.
@@ -220,12 +220,11 @@ def _placed(
     `radius`: that of the origin in an axisymmetric model, else None. Points whose ray misses the master are left out:
     their part of the slave is not covered.
     """
-    turned = _turned(slave, H)
     if slave.dim == 1:
         parts = clip_lines(pairs, s, m, reach)
         fs, fm = s.face[parts.slave], m.face[parts.master]
         of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-        least, smooth = np.maximum(of_faces, degree), turned[fs] > FLAT
+        least, smooth = np.maximum(of_faces, degree), _turned(slave, master, H, fs, fm) > FLAT
         code = gauss_points(s, m, parts, least, radius is not None, smooth)
         order, groups = _groups(slave, master, fs, fm, code)
         placed = place_lines(Intervals._make(column[order] for column in parts), code[order], s, m, H, radius)
@@ -233,11 +232,14 @@ def _placed(
     else:
         pieces = clip(pairs, s, m, reach)
         fs, fm = s.face[pieces.slave], m.face[pieces.master]
-        sides = _side(slave, s, pieces.slave), _side(master, m, pieces.master)
-        code = pair_rule(*sides, np.diff(pieces.start), pieces.largest_share(), turned[fs], degree)
+        sides, turned = (
+            (_side(slave, s, pieces.slave), _side(master, m, pieces.master)),
+            _turned(slave, master, H, fs, fm),
+        )
+        code = pair_rule(*sides, np.diff(pieces.start), pieces.largest_share(), turned, degree)
         order, groups = _groups(slave, master, fs, fm, code)
         functions = np.stack([side.functions for side in sides], axis=1)
-        placed = place(pieces, order, code, s, m, functions, np.maximum(s.warp, turned)[fs], H)
+        placed = place(pieces, order, code, s, m, functions, np.maximum(s.warp[fs], turned), H)
         piece = placed.piece
     groups[:, 3:] = placed.first[groups[:, 3:]]
     placed = placed._replace(piece=piece)
@@ -248,14 +250,19 @@ def _placed(
     return fs[placed.piece], fm[placed.piece], placed, groups
 
 
-def _turned(slave: Surface, H: NormalMaps) -> NDArray[np.floating]:
-    """(f,): deviation of a slave face's normals, with maps H, from its own mean normal; 0 if all are along one line."""
-    if not len(H.G) or H.of_master:
-        return np.zeros(len(slave))
+def _turned(slave: Surface, master: Surface, H: NormalMaps, fs: Ints, fm: Ints) -> NDArray[np.floating]:
+    """(n,): how normals of maps H turn over a slave's face: their deviation from its own mean normal, 0 without any.
+
+    Of the master's normals it is their variation over its face. `fs`, `fm` (n,): the faces of slave and master.
+    """
+    if not len(H.G):
+        return np.zeros(len(fs))
     if not H.are_normals:
-        return np.asarray(np.abs(H.G).max(axis=(1, 2)) / np.maximum(slave.size, 1e-300))
-    normal, _ = mean_normals(slave)
-    return np.asarray(np.maximum(np.abs(H.G[:, 1:]).max(axis=(1, 2)), np.abs(H.G[:, 0] - normal).max(axis=1)))
+        return np.asarray(np.abs(H.G).max(axis=(1, 2)) / np.maximum(slave.size, 1e-300))[fs]
+    turned = np.abs(H.G[:, 1:]).max(axis=(1, 2))
+    if H.of_master:
+        return np.asarray(turned)[fm]
+    return np.asarray(np.maximum(turned, np.abs(H.G[:, 0] - mean_normals(slave)[0]).max(axis=1)))[fs]
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:

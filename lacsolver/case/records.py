@@ -120,9 +120,9 @@ _HEXA = choice(
 _MACRO = choice({"cut": "one of each face, which is cut", "stars": "one of the faces around a node, without a cut"})
 _NORMALS = choice(
     {
-        "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
+        "facet": "of the slave's faces, or of its smooth surface, or of a plane master",
         "smoothed": "averaged at the nodes and interpolated",
-        "master": "of the master's faces",
+        "master": "of the master, averaged at its nodes and interpolated",
         "slave": "as facet, over a plane master too",
     }
 )

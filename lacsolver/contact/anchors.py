@@ -13,9 +13,9 @@ A macro-element that covers ten times as much as its anchors do, or has none, wa
 is that of the points that are in front of each other now, since the last state u_0,
 
     S_alpha = -sum w e_alpha(u_0).(x(u_0) - x_bar(u_0))
-    D_T v = sum w [ e_alpha(u_0).dx_bar/dxi^b(u_0) dxi_bar^b ] + dw s_alpha
+    D_T v = sum w [ e_alpha.dx_bar/dxi^b - de_alpha/dxi_bar^b.(x - x_bar) ](u_0) dxi_bar^b + dw s_alpha
 
-as xi_bar moves (`tangent`). With the tangents' change
+as xi_bar moves (`tangent`), and with it the master's normal that e_alpha is normal to. With the tangents' change
 
     de_1 = -n (e_1.dn) + e_2 spin,   de_2 = -n (e_2.dn) - e_1 spin,
     spin = e_2.(c^a dv/dxi^a - (n.a_1) dn) / |a_1 - n n.a_1|
@@ -35,10 +35,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
+from lacmesh.surface.maps import interpolated, slopes, values
 from lacmesh.surface.normals import dual_vectors, normals_of, smooth_normals, unit
-from lacsolver.contact.faces import by_type, places, tangents
+from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
@@ -98,7 +98,8 @@ class _Directions(NamedTuple):
     J (points, 3, dim of the skins): tangents of the faces along their coordinates.
 
     With other normals than those of the slave's faces `others`, and `size` (points,), that of their interpolation; else
-    None and 1.
+    None and 1. `along` (points, 3, dim of the skins): derivative of n by the coordinates in the master's face, zeros
+    where n is of the slave.
     """
 
     n: Floats
@@ -107,6 +108,7 @@ class _Directions(NamedTuple):
     J: Floats
     others: OtherNormals | None
     size: Floats
+    along: Floats
 
 
 def own_anchors(anchors: Anchors, zone: Zone, share: Share) -> Anchors:
@@ -187,9 +189,10 @@ def _since(
     """
     d = face.normal.shape[1]
     slave, master = face.zone.slave.at(before), face.zone.master.at(before)
-    e = _directions(face.zone, slave, master, points, pairing, d).e
+    at, y = _directions(face.zone, slave, master, points, pairing, d), _apart(slave, master, points)
     J = tangents(master, points.master, points.xi_master)
-    return -np.einsum("pas,ps->pa", e, _apart(slave, master, points)[:, :d]), e @ J[:, :d]
+    of_dn, _ = _turned(at, y)
+    return -np.einsum("pas,ps->pa", at.e, y[:, :d]), at.e @ J[:, :d] - of_dn @ at.along[:, :d]
 
 
 def _derivative_since(
@@ -208,10 +211,7 @@ def _derivative_since(
 def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -> csr_array:
     """Return D_T (m (d - 1), n_dof) of anchors, with x - x_bar of their points in y (points, 3)."""
     slave, master, d, m = face.slave, face.master, face.normal.shape[1], len(face.w)
-    of_dn = -(at.n * y).sum(axis=1)[:, None, None] * at.e
-    arms = np.zeros((len(y), d - 1, d - 1, d))
-    if d == 3:
-        _add_spin(at, y, of_dn, arms)
+    of_dn, arms = _turned(at, y)
     if at.others is None:
         dual, N = dual_vectors(at.J), unit(normals_of(at.J))
         along, out = of_dn @ dual[:, :d], np.einsum("psa,ps->pa", dual, at.n)
@@ -224,6 +224,15 @@ def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -
         q = weight * across / at.size[:, None, None]
         D_T = csr_array(D_T + normal_rows(anchors, slave, master, at.others, q, m))
     return D_T
+
+
+def _turned(at: _Directions, y: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the factors of dn (points, d - 1, d) and of dv/dxi^a (points, d - 1, d - 1, d) in de_alpha.y."""
+    d = at.e.shape[2]
+    of_dn, arms = -(at.n * y).sum(axis=1)[:, None, None] * at.e, np.zeros((len(y), d - 1, d - 1, d))
+    if d == 3:
+        _add_spin(at, y, of_dn, arms)
+    return of_dn, arms
 
 
 def _add_spin(at: _Directions, y: Floats, of_dn: Floats, arms: Floats) -> None:
@@ -245,14 +254,14 @@ def _directions(
     face, xi = points.slave, points.xi_slave
     J = tangents(slave, face, xi)
     others = other_normals(slave, master, pairing.normals, pairing.crease_angle, d, skins_of(slave, master)[1])
+    along = np.zeros_like(J)
     if others is None:
         H = smooth_normals(J, slave.leans(face, xi))
     elif others.of_master:
-        H = others.n[points.master]
+        G = interpolated(master.faces.type, others.n[others.of_faces])
+        H, along = values(G, points.master, points.xi_master), slopes(G, points.master, points.xi_master, slave.dim)
     else:
-        H = np.empty((len(face), 3))
-        for rows, name, nodes in by_type(slave, face):
-            h = others.n[others.of_faces[face[rows], : nodes.shape[1]]]
-            H[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : slave.dim]), h)
+        H = values(interpolated(slave.faces.type, others.n[others.of_faces]), face, xi)
     n, size = unit(H), np.linalg.norm(H, axis=1)
-    return _Directions(n, *frames(zone, face, xi, n, J), J, others, size)
+    along = (along - n[:, :, None] * (n[:, None] @ along)) / size[:, None, None]
+    return _Directions(n, *frames(zone, face, xi, n, J), J, others, size, along)

@@ -1,7 +1,7 @@
 """Derivatives at one contact point, by the displacements of the nodes that it knows: kernels for loops over points.
 
 A contact point knows the nodes a of its slave face, with the shape functions N_a, the nodes b of its master face, with
-M_b, and with smoothed normals the normals h_a at the nodes of its slave face, or the normal h of its master face. Its
+M_b, and with smoothed normals the normals h_a at the nodes of its slave face, or h_b at those of its master face. Its
 slave coordinates are fixed, and its ray x + r n meets the master's face at xi_bar:
 
     tau_b dxi_bar^b - n dr = dx + r dn - dx_bar         dx = N_a v_a, dx_bar = M_b v_b at fixed xi_bar
@@ -11,7 +11,9 @@ whose heights move with their faces, changes by dg = dr - (db_m/dxi^b) dxi_bar^b
 
     dn = -a^k (N . dv/dxi^k)                            the face's own normal N, a^k the dual vectors of its tangents
     dn = P N_a dh_a,  P = (1 - n n^T) / |H|             smoothed, n = H / |H|, H = N_a h_a
-    dn = dh                                             that of the master's face, n = h
+    dn = P M_b dh_b + n_b dxi_bar^b                     the same of the master's face, n_b = dn/dxi_bar^b
+
+As n is that at the end of the ray, tau_b - r n_b then stands for tau_b above, and P M_b dh_b for dn.
 
 That of a smooth surface, n along N - a^k s_k, leans on the face's own and moves with it at fixed slopes s_k:
 
@@ -20,7 +22,7 @@ That of a smooth surface, n along N - a^k s_k, leans on the face's own and moves
 and in the current measure the weight changes by dw/w = a^k . dv/dxi^k (+ v_r / r in axisymmetry). A point on the edge
 of a mortar segment, which moves by V (`edges`), has V in place of dw/w, and no other derivative.
 
-Each derivative is a row of coefficients of the local unknowns: components of v_a, then of v_b, then of h_a.
+Each derivative is a row of coefficients of the local unknowns: components of v_a, then of v_b, then of h_a or h_b.
 
 Compiled, the kernels take one point p. As they stand they take an array of points (n,) whose faces are of the same two
 types, too: then every number of a point is an array (n,), and each of its arrays has a last axis (n,).
@@ -46,9 +48,9 @@ class Skins(NamedTuple):
     """Both skins, with the numbers of nodes and normals that the local unknowns of a point are found by.
 
     `x` (n, 3): coordinates of the nodes of both skins; `type_s`, `type_m`: types of the faces; `nodes_s`, `nodes_m`
-    (faces, 9): their nodes. `normal_of`: rows of `normals` (k, 3); (slave faces, 9) of smoothed normals, (master faces,
-    1) of those of the master's faces, (0, 9) where the slave's faces have their own. `bases` (types, 9, 9): shape
-    functions in monomials; `n_nodes` (types,).
+    (faces, 9): their nodes. `normal_of` (faces, 9): rows of `normals` (k, 3) at the nodes of the slave's faces, or
+    `of_master` of the master's; (0, 9) where the slave's faces have their own. `bases` (types, 9, 9): shape functions
+    in monomials; `n_nodes` (types,).
     """
 
     x: Floats
@@ -58,6 +60,7 @@ class Skins(NamedTuple):
     nodes_m: Ints
     normal_of: Ints
     normals: Floats
+    of_master: bool
     bases: Floats
     n_nodes: Ints
 
@@ -196,11 +199,11 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
 
 
 @kernel(borrows=True)
-def n_normals(skins: Any, k_s: int) -> int:
-    """Return the number of normals that a point on a slave face with k_s nodes knows."""
+def n_normals(skins: Any, k_s: int, k_m: int) -> int:
+    """Return the number of normals that a point on a slave face with k_s nodes and a master face with k_m knows."""
     if len(skins.normals) == 0:
         return 0
-    return 1 if skins.normal_of.shape[1] == 1 else k_s
+    return k_m if skins.of_master else k_s
 
 
 @kernel(borrows=True)
@@ -213,7 +216,7 @@ def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d
     sizes = (skins.n_nodes[type_s], skins.n_nodes[type_m])
     shapes(skins.bases, type_s, sizes[0], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
     shapes(skins.bases, type_m, sizes[1], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
-    k_n = n_normals(skins, sizes[0])
+    k_n = n_normals(skins, sizes[0], sizes[1])
     room.rows[:, : d * (sizes[0] + sizes[1] + k_n)] = 0.0
     if len(points.edges.nu) > 0:
         _move(skins.bases, points.edges, p, types, sizes, d, room)
@@ -226,12 +229,22 @@ def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d
             _stretch(skins, points.radial, s, sizes[0], d, dual, room)
         if k_n == 0:
             _turn(sizes[0], d, dual, own_normal(tau, d), n, room)
-    if k_n == 1:
-        for i in range(d):
-            room.rows[NORMAL + i, d * (sizes[0] + sizes[1]) + i] = 1.0
-    elif k_n > 1:
-        _turn_smoothly(skins, s, sizes, d, n, room)
-    _slide(skins, points, p, m, sizes, d, n, room)
+    tau = tangents_of(skins.x, skins.nodes_m, m, sizes[1], room.dN_m)
+    if skins.of_master:
+        along = _turn_smoothly(skins, m, k_n, d * (sizes[0] + sizes[1]), room.N_m, room.dN_m, d, n, room)
+        tau = _less(tau[0], points.ray[p], along[0]), _less(tau[1], points.ray[p], along[1])
+        _slide(skins, points, p, tau, sizes, d, n, room)
+        _turn_by_sliding(along, d * (sizes[0] + sizes[1] + k_n), d, room)
+        return
+    if k_n > 0:
+        _turn_smoothly(skins, s, k_n, d * (sizes[0] + sizes[1]), room.N_s, room.dN_s, d, n, room)
+    _slide(skins, points, p, tau, sizes, d, n, room)
+
+
+@kernel
+def _less(a: Any, r: Any, b: Any) -> Any:
+    """Return a - r b."""
+    return a[0] - r * b[0], a[1] - r * b[1], a[2] - r * b[2]
 
 
 @kernel
@@ -307,12 +320,14 @@ def _turn(k_s: int, d: int, dual: Any, N: Any, n: Any, room: Any) -> None:
 
 
 @kernel(borrows=True)
-def _turn_smoothly(skins: Any, s: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
-    """Write the rows of dn, the change of the interpolated nodal normals."""
-    N, first = room.N_s, d * (sizes[0] + sizes[1])
+def _turn_smoothly(skins: Any, face: Any, k: int, first: int, N: Any, dN: Any, d: int, n: Any, room: Any) -> Any:
+    """Write the rows of dn, the change of k interpolated nodal normals; return dn/dxi, two triples.
+
+    `N` (9,), `dN` (9, 2): the shape functions at the point of the `face`; `first`: the first unknown of the normals.
+    """
     h0 = h1 = h2 = 0.0
-    for a in range(sizes[0]):
-        i = skins.normal_of[s, a]
+    for a in range(k):
+        i = skins.normal_of[face, a]
         h0 += N[a] * skins.normals[i, 0]
         h1 += N[a] * skins.normals[i, 1]
         h2 += N[a] * skins.normals[i, 2]
@@ -320,19 +335,35 @@ def _turn_smoothly(skins: Any, s: Any, sizes: Any, d: int, n: Any, room: Any) ->
     for i in range(d):
         for j in range(d):
             P = ((1.0 if i == j else 0.0) - n[i] * n[j]) / size
-            for a in range(sizes[0]):
+            for a in range(k):
                 room.rows[NORMAL + i, first + d * a + j] = P * N[a]
+    h = tangents_of(skins.normals, skins.normal_of, face, k, dN)
+    out = dot(h[0], n) / size, dot(h[1], n) / size
+    u = (h[0][0] / size - out[0] * n[0], h[0][1] / size - out[0] * n[1], h[0][2] / size - out[0] * n[2])
+    v = (h[1][0] / size - out[1] * n[0], h[1][1] / size - out[1] * n[1], h[1][2] / size - out[1] * n[2])
+    return u, v
 
 
 @kernel(borrows=True)
-def _slide(skins: Any, points: Any, p: Any, m: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
-    """Write the rows of dxi_bar and dg, from those of dn."""
+def _turn_by_sliding(along: Any, n: int, d: int, room: Any) -> None:
+    """Add to the rows of dn what the slide on the master adds, where n changes by `along`, two triples; n columns."""
+    rows = room.rows
+    for k in range(d - 1):
+        for i in range(d):
+            turn = along[k][i]
+            for j in range(n):
+                rows[NORMAL + i, j] += turn * rows[SLIDE + k, j]
+
+
+@kernel(borrows=True)
+def _slide(skins: Any, points: Any, p: Any, tau: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
+    """Write the rows of dxi_bar and dg, from those of dn; `tau`: tangents of the master."""
     k_s, k_m = sizes
     rows = room.rows
     # dn acts on the slave's nodes, or on the normals
-    k_n = n_normals(skins, k_s)
+    k_n = n_normals(skins, k_s, k_m)
     low, high = (0, d * k_s) if k_n == 0 else (d * (k_s + k_m), d * (k_s + k_m + k_n))
-    inverse = _inverse(tangents_of(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
+    inverse = _inverse(tau, n, d)
     for k in range(d):
         of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)
         r = points.ray[p]

@@ -23,11 +23,11 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.clip import project
-from lacmesh.surface.lines import meet, normals_at
-from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at, in_face, in_quadrangle, inverse, quadrangle, ray, wedge
+from lacmesh.surface.lines import ends_of_rays
+from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at, in_face, in_quadrangle, inverse, quadrangle, wedge
 from lacmesh.surface.normals import turning
 from lacmesh.surface.patches import Patches, patches
-from lacmesh.surface.place import normal_at
+from lacmesh.surface.place import end_of_ray
 from lacsolver.contact.chain import LoopPoints, MovingEdges
 from lacsolver.contact.faces import places, tangents
 
@@ -150,9 +150,8 @@ def _in_plane(
     face, other = s.face[a], m.face[b]
     xi = _above(s.x[a, 0] + (there * s.area[a])[:, None] * e[:, 0], s, a, there, slave)
     tau, x = tangents(slave, face, xi)[:, :, 0], places(slave, face, xi)
-    n = normals_at(H, face, other, tau, xi[:, 0])
     start = m.xi[b, corner, 0]
-    u, distance, met = meet(m.G[other], x, n, start)
+    u, distance, met, n = ends_of_rays(H, face, other, x, tau, xi[:, 0], m.G[other], start)
     share = np.eye(4)[corner]
     nu = np.sign(there - t[row, 1 - corner])[:, None] * e[:, 0]
     weight = np.linalg.norm(tau, axis=1) / np.abs((tau * e[:, 0]).sum(axis=1))
@@ -324,12 +323,13 @@ def _place_point(s: Any, m: Any, H: Any, i: int, p: Any, size: float, out: Any) 
     face, other = s.face[a], m.face[b]
     u, v, ratio = in_face(inverse(s.y[a], s.n[a], s.xi[a]), p[0], p[1])
     x, du, dv = at(s.G[face], s.kind[face], u, v)
-    unit, jacobian = normal_at(H, face, other, du, dv, u, v)
     um = vm = 0.0
     for c in range(m.n[b]):
         um += out.share[i, c] * m.xi[b, c, 0]
         vm += out.share[i, c] * m.xi[b, c, 1]
-    met, u_end, v_end, distance = ray(m.G[other], m.kind[other], x, unit, um, vm)
+    met, u_end, v_end, distance, unit, jacobian = end_of_ray(
+        H, face, other, x, du, dv, u, v, m.G[other], m.kind[other], um, vm
+    )
     out.xi_s[i, 0], out.xi_s[i, 1], out.xi_m[i, 0], out.xi_m[i, 1] = u, v, u_end, v_end
     out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = unit
     out.ray[i], out.weight[i] = distance, size * abs(ratio) * jacobian

@@ -1,11 +1,8 @@
 """Normals of contact that are not those of the slave's faces, each once, and their derivative by the displacement.
 
-*Of the master's faces* it is the mean normal N of each, that of its diagonals d_1, d_2 (of a triangle, two edges),
-turned round, n = -N: one direction for all points in front of a face, with dn = -a^k (n.dd_k), a^k the dual vectors of
-the d_k.
-
-*Smoothed*, at the nodes of the slave: as in `lacmesh.surface.normals.smoothed`, the normal at a node of a face is the
-area-weighted mean of the normals of the faces that meet there, without those across a crease:
+They are smoothed ones at the nodes of the slave, or those of the master turned round. As in
+`lacmesh.surface.normals.smoothed`, the normal at a node of a face is the area-weighted mean of the normals of the faces
+that meet there, without those across a crease:
 
     h = H / |H|,  H = sum_f A_f n_f,        dh = P sum_f (A_f dn_f + n_f dA_f),  P = (1 - h h^T) / |H|
 
@@ -26,32 +23,20 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import at_nodes, crease_pairs, dual_vectors, normals_of, smooth_normals, unit
-from lacmesh.surface.record import mean_normals
 from lacsolver.space.sparse import sparse
-
-#: by number of corners: the chords of a face whose cross product has the direction of its mean normal
-_CHORDS = {
-    2: np.array([[-1.0, 1.0]]),
-    3: np.array([[-1.0, 0.0, 1.0], [1.0, -1.0, 0.0]]),
-    4: np.array([[-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]),
-}
 
 
 class OtherNormals(NamedTuple):
-    """Unit normals `n` (k, 3); `of_faces` (f, 9): those of each slave face's nodes, -1 beyond.
+    """Unit normals `n` (k, 3); `of_faces` (f, 9): those at the nodes of each face of the slave, -1 beyond.
 
-    Or (f, 1): those of the master's faces. `derivative` (d k, d n): of their components, by the displacements of the n
-    nodes of both skins.
+    `of_master`: of the master's faces instead. `derivative` (d k, d n): of their components, by the displacements of
+    the n nodes of both skins.
     """
 
     of_faces: Ints
     n: Floats
     derivative: csr_array
-
-    @property
-    def of_master(self) -> bool:
-        """True for one normal of each face of the master."""
-        return self.of_faces.shape[1] == 1
+    of_master: bool = False
 
 
 def other_normals(
@@ -63,33 +48,22 @@ def other_normals(
     """
     if normals == "facet":
         return None
-    return face_normals(master, d, nodes) if normals == "master" else nodal_normals(slave, crease_angle, d, nodes)
+    if normals != "master":
+        return nodal_normals(slave, crease_angle, d, nodes)
+    of_faces, n, derivative, _ = nodal_normals(master, crease_angle, d, nodes)
+    return OtherNormals(of_faces, -n, -derivative, of_master=True)
 
 
-def face_normals(master: Surface, d: int, nodes: Ints) -> OtherNormals:
-    """Return the mean normals of the master's faces, turned round; `nodes` as in `other_normals`."""
-    n, k = -mean_normals(master)[0], len(master)
-    entries = []
-    for corners in np.unique(master.n_corners):
-        rows = np.flatnonzero(master.n_corners == corners)
-        of_face, chords = master.faces.nodes[rows, :corners], _CHORDS[corners]
-        dual = dual_vectors(np.einsum("ca,kas->ksc", chords, master.x[of_face]))[:, :d]
-        change = -np.einsum("ksc,ca->ksa", dual, chords)[..., None] * n[rows, None, None, :d]  # (faces, d, corners, d)
-        i, j = d * rows[:, None] + np.arange(d), d * np.searchsorted(nodes, of_face)[..., None] + np.arange(d)
-        entries.append((i[:, :, None, None], j[:, None], change))
-    return OtherNormals(np.arange(k)[:, None], n, sparse((d * k, d * len(nodes)), *entries))
-
-
-def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> OtherNormals:
-    """Return the smoothed normals of a slave skin; `nodes` as in `other_normals`."""
-    own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
+def nodal_normals(skin: Surface, crease_angle: float | None, d: int, nodes: Ints) -> OtherNormals:
+    """Return the smoothed normals of a skin; `nodes` as in `other_normals`."""
+    own, position = np.zeros((len(skin), 9, 3)), np.zeros(len(skin), np.int64)
     faces = []
-    for name, rows, of_face in slave.by_type():
-        normal, term, change = _face_normals(name, *at_nodes(slave, name, rows, slave.x[of_face]), slave.x[of_face], d)
+    for name, rows, of_face in skin.by_type():
+        normal, term, change = _face_normals(name, *at_nodes(skin, name, rows, skin.x[of_face]), skin.x[of_face], d)
         faces.append((rows, of_face, term, change))
         own[rows, : of_face.shape[1], :d], position[rows] = normal, np.arange(len(rows))
-    at, other = crease_pairs(slave, own, crease_angle)
-    of_faces, first = _distinct(slave.faces.nodes, np.bincount(at, minlength=9 * len(slave)))
+    at, other = crease_pairs(skin, own, crease_angle)
+    of_faces, first = _distinct(skin.faces.nodes, np.bincount(at, minlength=9 * len(skin)))
     taken = first[of_faces.ravel()[at]] == at  # of positions with the same normal, one is enough
     row, face, corner = of_faces.ravel()[at[taken]], *np.divmod(other[taken], 9)
     parts = []

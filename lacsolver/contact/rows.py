@@ -27,7 +27,6 @@ from lacmesh.threads import in_threads
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
 from lacsolver.contact.normals import OtherNormals
-from lacsolver.space.sparse import sparse
 
 if TYPE_CHECKING:
     from lacsolver.contact.anchors import Anchors
@@ -63,7 +62,7 @@ def skins_of(slave: Surface, master: Surface) -> tuple[Skins, Ints]:
     of_s, of_m = slave.faces.nodes, master.faces.nodes
     nodes = np.unique(np.concatenate([of_s[of_s >= 0], of_m[of_m >= 0]]))
     place = places_of(nodes, int(nodes[-1]) + 2)
-    none = np.empty((0, 9), np.int64), np.empty((0, 3))
+    none = np.empty((0, 9), np.int64), np.empty((0, 3)), False
     skins = Skins(
         slave.x[nodes], slave.faces.type, master.faces.type, place[of_s], place[of_m], *none, _bases(), N_NODES
     )
@@ -117,22 +116,21 @@ def normal_rows(
 ) -> csr_array:
     """Return a matrix (k n_macros, d n_nodes): rows sum q_p . dh(v) at points p of macro-elements, q (points, k, d).
 
-    dh = N_a dh_a is the change of the smoothed normals' interpolation, or dh that of the normal of the master's face.
+    dh = N_a dh_a is the change of the interpolation of the normals at the nodes of the slave's or the master's face.
     """
     skins, nodes = skins_of(slave, master)
-    k, d = q.shape[1:]
+    d = q.shape[2]
+    runs = runs_of(points.slave, points.master, points.macro, n_macros)
+    # normals in the place of the nodes of one side, and no nodes of the other
+    skins = skins._replace(n_nodes=np.where(np.arange(len(N_NODES)) > 0, N_NODES, 0))
     if normals.of_master:
-        i = k * points.macro[:, None] + np.arange(k)
-        j = d * normals.of_faces[points.master] + np.arange(d)
-        A = sparse((k * n_macros, d * len(normals.n)), (i[:, :, None], j[:, None], q)) @ normals.derivative
+        skins = skins._replace(nodes_m=normals.of_faces, type_s=np.zeros_like(skins.type_s))
+        entries, q = pattern(normals.of_faces[runs.master], runs.start, len(normals.n)), -q
     else:
-        runs = runs_of(points.slave, points.master, points.macro, n_macros)
-        # normals in the place of the slave's nodes, and no nodes of the master
-        skins = skins._replace(nodes_s=normals.of_faces, n_nodes=np.where(np.arange(len(N_NODES)) > 0, N_NODES, 0))
-        skins = skins._replace(type_m=np.zeros_like(skins.type_m))
+        skins = skins._replace(nodes_s=normals.of_faces, type_m=np.zeros_like(skins.type_m))
         entries = pattern(normals.of_faces[runs.slave], runs.start, len(normals.n))
-        entries, value = _summed(points, runs, skins, entries, q, None)
-        A = on_unknowns(entries, value, np.arange(len(normals.n)), len(normals.n)) @ normals.derivative
+    entries, value = _summed(points, runs, skins, entries, q, None)
+    A = on_unknowns(entries, value, np.arange(len(normals.n)), len(normals.n)) @ normals.derivative
     place = (d * nodes[:, None] + np.arange(d)).ravel()
     return csr_array((A.data, place[A.indices], A.indptr), shape=(A.shape[0], d * slave.x.shape[0]))
 

@@ -178,7 +178,7 @@ class Motion:
         of_s, of_m = (np.concatenate([getattr(runs, side) for runs in parts]) for side in ("slave", "master"))
         known = [skins.nodes_s[of_s], skins.nodes_m[of_m]]
         if len(skins.normals):
-            of = of_m if skins.normal_of.shape[1] == 1 else of_s
+            of = of_m if skins.of_master else of_s
             known.append(np.where(skins.normal_of >= 0, skins.normal_of + len(self.nodes), -1)[of])
         return np.concatenate(known, axis=1)
 
@@ -238,7 +238,7 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     skins, nodes = skins_of(slave, master)
     normals = other_normals(slave, master, pairing.normals, pairing.crease_angle, dim, nodes)
     if normals is not None:
-        skins = skins._replace(normal_of=normals.of_faces, normals=normals.n)
+        skins = skins._replace(normal_of=normals.of_faces, normals=normals.n, of_master=normals.of_master)
     current = int(pairing.measure == "current")
     slope = np.empty((0, 2)) if master.height is None else master.height.slope(points.master, points.xi_master)
     inside = LoopPoints(
@@ -298,9 +298,9 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
         out[k_s + b] = skins.nodes_m[m, b]
     if len(skins.normals) == 0:
         return k_s, k_m, k_s + k_m
-    k_n = n_normals(skins, k_s)
+    k_n, face = n_normals(skins, k_s, k_m), m if skins.of_master else s
     for a in range(k_n):
-        out[k_s + k_m + a] = len(skins.x) + (skins.normal_of[m, 0] if k_n == 1 else skins.normal_of[s, a])
+        out[k_s + k_m + a] = len(skins.x) + skins.normal_of[face, a]
     return k_s, k_m, k_s + k_m + k_n
 
 
@@ -399,8 +399,8 @@ def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, 
     k_s, k_m = skins.n_nodes[types[0]], skins.n_nodes[types[1]]
     known = [skins.nodes_s[s, :k_s], skins.nodes_m[m, :k_m]]
     if len(skins.normals):
-        of = m if skins.normal_of.shape[1] == 1 else s
-        known.append(len(skins.x) + skins.normal_of[of, : n_normals(skins, k_s)])
+        of = m if skins.of_master else s
+        known.append(len(skins.x) + skins.normal_of[of, : n_normals(skins, k_s, k_m)])
     nodes = np.concatenate(known, axis=1)
     return (k_s, k_m, nodes.shape[1]), nodes
 
@@ -427,7 +427,7 @@ def _add_to_nodes(
         load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
         add_traction(skins, points, shear, q, s, load, sizes, d, room, K)
     else:
-        _add_force(points, q, w * p[macro], sizes, d, room, K)
+        _add_force(points, q, w * p[macro], skins.of_master, sizes, d, room, K)
 
 
 @kernel(borrows=True)
@@ -439,12 +439,14 @@ def _add_gap(w: Any, g: Any, n: int, rows: Any, K: Any) -> None:
 
 
 @kernel(borrows=True)
-def _add_force(points: Any, q: Any, load: Any, sizes: Any, d: int, room: Any, K: Any) -> None:
+def _add_force(points: Any, q: Any, load: Any, of_master: bool, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
     rows, dM = room.rows, room.dN_m
-    # dn is of the slave's nodes, or of the normals; dw of the slave's nodes, V of those of both
-    low, high = (0, d * k) if points.current == 1 else ((0, d * k_s) if k == k_s + k_m else (d * (k_s + k_m), d * k))
+    # dn is of the slave's nodes, of the normals, or, `of_master`, of all; dw of the slave's nodes, V of those of both
+    low, high = (0, d * k_s) if k == k_s + k_m else (d * (k_s + k_m), d * k)
+    if points.current == 1 or of_master:
+        low, high = 0, d * k
     for i in range(d):
         n_i = points.normal[q, i]
         for j in range(low, high):  # dn + n dw/w, in the place of dn, which is not needed again

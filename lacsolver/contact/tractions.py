@@ -190,7 +190,7 @@ def add_traction(
     skins: Any, points: Any, shear: Any, q: Any, s: Any, load: Any, sizes: Any, d: int, room: Any, K: Any
 ) -> None:
     """Add what point q of slave face s gives to the derivative of the forces on its nodes, K; `load` of `_traction`."""
-    k_s, k_m, k = sizes
+    k_s, _, k = sizes
     rows, out, dN, r = room.rows, room.force, room.dN_s, points.ray[q]
     at = _traction(skins, points, shear, q, s, k_s, load, d, dN)
     force = _combined(at.p, at.n, 1.0, at.tau)
@@ -208,7 +208,7 @@ def add_traction(
                 x, y, z = (1.0 if i == 0 else 0.0), (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
                 dt = ((dN[a, 0] * x, dN[a, 0] * y, dN[a, 0] * z), (dN[a, 1] * x, dN[a, 1] * y, dN[a, 1] * z))
                 _add_change(at, rows, d * a + i, dt, r, d, out)
-        for j in range(d * (k_s + k_m), d * k):  # of the normals
+        for j in range(d * k_s, d * k):  # of the master's nodes, and of the normals
             _add_change(at, rows, j, (none, none), r, d, out)
     _add_to_nodes(out, force, sizes, d, room, K)
 

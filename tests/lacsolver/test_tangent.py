@@ -19,8 +19,9 @@ from lacmesh.surface.place import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
-from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wavy
+from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wavy, zone_of
 from tests.samples import each_option
+from verification.meshes.blocks import bent, block, joined, nodes_of
 
 #: of a central difference
 STEP, EXACT = 1e-6, 1e-8
@@ -205,3 +206,22 @@ def test_a_traction_along_either_tangent_has_its_derivative_where_nothing_presse
     K, first, second = (tangent(motion, none, (t * part).ravel()) for part in ([1, 1], [1, 0], [0, 1]))
     assert min(np.abs(part).max() for part in (first, second)) > 1e-3 * np.abs(K).max()
     assert np.abs(K - first - second).max() <= 1e-14 * np.abs(K).max()
+
+
+@pytest.mark.parametrize("normals", NORMALS)
+def test_derivatives_are_continuous_where_an_edge_of_a_bent_master_passes_one_of_the_slave(normals):
+    """There the pressure changes: with normals that differ on both sides of the edge they would jump by 0.2 of all."""
+    above = block("QUAD4", (2, 1), (-1, 0), (1, 1))
+    below = bent(block("QUAD4", (2, 1), (-2, -1), (2, 0)), lambda x: x - [0, 0.1, 0] * np.abs(x[:, :1]))
+    parts = [(above, {"": "above", "y0": "slave"}), (below, {"": "below", "y1": "master"})]
+    mesh, zone = zone_of(joined(parts), surface="faces")
+    pairing = Pairing(search_distance=0.5, normals=normals, measure="current")
+
+    def derivative(shift):
+        x = mesh.points.copy()
+        x[nodes_of(mesh, "slave"), 0] += shift
+        face = integrate(zone, 2, pairing, x=x)
+        return tangent(motion_of(face, face.slave, face.master, pairing, 2), np.array([1.0, 2.0]))
+
+    before, after = derivative(-1e-6), derivative(1e-6)
+    assert np.abs(after - before).max() <= 1e-5 * np.abs(before).max()
