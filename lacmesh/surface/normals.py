@@ -9,7 +9,8 @@ with slopes s_k: db/dxi^k for a height b along N, or those of the exact shape, -
 Or they are the master's smoothed ones, turned round.
 
 A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
-3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
+3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge. The
+undeformed surface decides: normals would jump as an angle passes the limit.
 """
 
 from __future__ import annotations
@@ -95,18 +96,24 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
     angle.
     """
     area = np.zeros((len(surface), 3))
-    own: Floats = np.zeros((len(surface), 9, 3))
     for name, rows, nodes in surface.by_type():
-        x = surface.x[nodes]
         X, w = rule(CELLS[name].family, 4)
-        area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
-        own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, x))
-    place, other = crease_pairs(surface, own, crease_angle)
+        area[rows] = np.einsum("fps,p->fs", weighted(name, surface.x[nodes], X), w)
+    own = _own_normals(surface)
+    place, other = crease_pairs(surface, crease_angle)
     total: Floats = np.zeros_like(own)
     weight = np.linalg.norm(area, axis=1)[other // own.shape[1]]
     np.add.at(total.reshape(-1, 3), place, weight[:, None] * own.reshape(-1, 3)[other])
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
+
+
+def _own_normals(surface: Surface) -> Floats:
+    """(f, 9, 3): true unit normals at the nodes of each face, padded with 0."""
+    own: Floats = np.zeros((len(surface), 9, 3))
+    for name, rows, nodes in surface.by_type():
+        own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, surface.x[nodes]))
+    return own
 
 
 def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats, Floats]:
@@ -119,11 +126,12 @@ def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats
     return jacobian(name, x, X[:, :dim]), lean.reshape(len(rows), len(X), dim)
 
 
-def crease_pairs(surface: Surface, own: Floats, crease_angle: float | None) -> tuple[Ints, Ints]:
+def crease_pairs(surface: Surface, crease_angle: float | None) -> tuple[Ints, Ints]:
     """(k,) each: pairs of positions 9 f + a (node a of face f), of a smoothed normal and of one that contributes to it.
 
-    `own` (f, 9, k): the faces' true normals at their nodes; `crease_angle` as in `smoothed`.
+    `crease_angle` as in `smoothed`.
     """
+    own = _own_normals(surface.undeformed)
     least = np.cos(np.radians(CREASE_ANGLE if crease_angle is None else crease_angle))
     face, corner = np.nonzero(surface.faces.nodes >= 0)
     node = surface.faces.nodes[face, corner]

@@ -73,7 +73,8 @@ def contact_points(
     negative one are left out. `normals`: `facet`, the slave's true normal, which is that of the smooth surface where
     faces have heights; `smoothed`, nodal normals averaged over edges with an angle below `crease_angle` degrees
     (None: 40, and over any edge between faces that the slave's height takes as one shape); or `master`, the same of the
-    master, turned round, where the ray ends. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    master, turned round, where the ray ends.
+    `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
     `keeps` (faces of slave,): faces that keep to a plane master also where they have turned away from it, as those of
     an edge that folds under; not farther from it than their macro-element is large. Only with the master's normals.

@@ -40,7 +40,8 @@ class Surface(Described):
     `x` (n_nodes of the mesh, 3): coordinates. `faces`: types and nodes. `cell` (f,): the mesh's cell each row is.
     `dim`: 2 for faces of solids, 1 for segments (whose normal lies in their plane, z constant). `depth` (f,): depth of
     the cell behind, at its deepest corner below the face; NaN unless there is exactly one cell behind. `height`: that
-    of the smooth surface that the faces approximate; None if the surface consists of the faces themselves.
+    of the smooth surface that the faces approximate; None if the surface consists of the faces themselves. `x_0`
+    (n_nodes of the mesh, 3): coordinates before the deformation (`at`); None without one.
     """
 
     x: Floats
@@ -49,6 +50,7 @@ class Surface(Described):
     dim: int
     depth: Floats
     height: Height | None = None
+    x_0: Floats | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, cells: Ints) -> Surface:
@@ -83,7 +85,12 @@ class Surface(Described):
         x = np.asarray(x, dtype=float)
         if x.shape != self.x.shape:
             raise ValueError(f"coordinates must be {self.x.shape}, not {x.shape}")
-        return replace(self, x=x)
+        return replace(self, x=x, x_0=self.x if self.x_0 is None else self.x_0)
+
+    @property
+    def undeformed(self) -> Surface:
+        """The surface before its deformation."""
+        return self if self.x_0 is None else replace(self, x=self.x_0, x_0=None)
 
     def take(self, rows: Ints) -> Surface:
         """Some of the faces."""

@@ -56,13 +56,12 @@ def other_normals(
 
 def nodal_normals(skin: Surface, crease_angle: float | None, d: int, nodes: Ints) -> OtherNormals:
     """Return the smoothed normals of a skin; `nodes` as in `other_normals`."""
-    own, position = np.zeros((len(skin), 9, 3)), np.zeros(len(skin), np.int64)
-    faces = []
+    faces, position = [], np.zeros(len(skin), np.int64)
     for name, rows, of_face in skin.by_type():
-        normal, term, change = _face_normals(name, *at_nodes(skin, name, rows, skin.x[of_face]), skin.x[of_face], d)
+        term, change = _face_normals(name, *at_nodes(skin, name, rows, skin.x[of_face]), skin.x[of_face], d)
         faces.append((rows, of_face, term, change))
-        own[rows, : of_face.shape[1], :d], position[rows] = normal, np.arange(len(rows))
-    at, other = crease_pairs(skin, own, crease_angle)
+        position[rows] = np.arange(len(rows))
+    at, other = crease_pairs(skin, crease_angle)
     of_faces, first = _distinct(skin.faces.nodes, np.bincount(at, minlength=9 * len(skin)))
     taken = first[of_faces.ravel()[at]] == at  # of positions with the same normal, one is enough
     row, face, corner = of_faces.ravel()[at[taken]], *np.divmod(other[taken], 9)
@@ -108,11 +107,11 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> Ot
     return OtherNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
-def _face_normals(name: str, J: Floats, lean: Floats, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
-    """Return unit normals n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and A n.
+def _face_normals(name: str, J: Floats, lean: Floats, x: Floats, d: int) -> tuple[Floats, Floats]:
+    """Return A n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and its derivative.
 
-    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b. `J`,
-    `lean`: tangents and slopes of the normals at the nodes; n changes as in `chain`.
+    A is the area of the face, n the unit normal. The derivative is (k, a, d, b, d), by the displacements of the nodes
+    b. `J`, `lean`: tangents and slopes of the normals at the nodes; n changes as in `chain`.
     """
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
     n, N = smooth_normals(J, lean)[..., :d], unit(normals_of(J))[..., :d]
@@ -122,7 +121,7 @@ def _face_normals(name: str, J: Floats, lean: Floats, x: Floats, d: int) -> tupl
     dn = c[..., None] * n[:, :, None, None, :] + (leans[..., None] * out[:, :, None])[..., None] * N[:, :, None, None]
     A, dA = _areas(name, x, d)
     change = A[:, None, None, None, None] * dn + n[..., None, None] * dA[:, None, None]
-    return n, A[:, None, None] * n, change
+    return A[:, None, None] * n, change
 
 
 def _areas(name: str, x: Floats, d: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

@@ -143,6 +143,14 @@ def test_smoothed_normals_turn_from_face_to_face_and_stop_at_creases():
     assert np.allclose(np.abs(sharp.normal[:, 0]), np.sqrt(0.5)) and np.abs(blunt.normal[:, 0]).min() < 0.6
 
 
+def test_creases_are_those_of_the_undeformed_surface():
+    """A plane that folds has one normal at each node of the fold: normals would jump at the limit of a crease."""
+    plane, roof = whole(sheet(4)), whole(mapped(sheet(4), lambda x: x - np.outer(np.abs(x[:, 0] - 0.5), [0, 0, 1])))
+    on_fold = (roof.faces.nodes >= 0) & np.isclose(roof.x[roof.faces.nodes, 0], 0.5)
+    assert np.allclose(smoothed(plane.at(roof.x), 40)[on_fold], [0, 0, 1])
+    assert np.allclose(np.abs(smoothed(roof.at(2 * roof.x), 40)[on_fold][:, 0]), np.sqrt(0.5))
+
+
 @pytest.mark.parametrize("side", ["slave", "master"])
 def test_nodes_beyond_the_axis_of_an_axisymmetric_model(side):
     def left(x):
