@@ -233,10 +233,8 @@ def _placed(
     else:
         pieces = clip(pairs, s, m, reach)
         fs, fm = s.face[pieces.slave], m.face[pieces.master]
-        sides, turned = (
-            (_side(slave, s, pieces.slave), _side(master, m, pieces.master)),
-            _turned(slave, master, H, fs, fm),
-        )
+        sides = _side(slave, s, pieces.slave), _side(master, m, pieces.master)
+        turned = _turned(slave, master, H, fs, fm)
         code = pair_rule(*sides, np.diff(pieces.start), pieces.largest_share(), turned, degree)
         order, groups = _groups(slave, master, fs, fm, code)
         functions = np.stack([side.functions for side in sides], axis=1)

@@ -337,11 +337,9 @@ def _turn_smoothly(skins: Any, face: Any, k: int, first: int, N: Any, dN: Any, d
             P = ((1.0 if i == j else 0.0) - n[i] * n[j]) / size
             for a in range(k):
                 room.rows[NORMAL + i, first + d * a + j] = P * N[a]
-    h = tangents_of(skins.normals, skins.normal_of, face, k, dN)
-    out = dot(h[0], n) / size, dot(h[1], n) / size
-    u = (h[0][0] / size - out[0] * n[0], h[0][1] / size - out[0] * n[1], h[0][2] / size - out[0] * n[2])
-    v = (h[1][0] / size - out[1] * n[0], h[1][1] / size - out[1] * n[1], h[1][2] / size - out[1] * n[2])
-    return u, v
+    u, v = tangents_of(skins.normals, skins.normal_of, face, k, dN)
+    u, v = _less(u, dot(u, n), n), _less(v, dot(v, n), n)
+    return (u[0] / size, u[1] / size, u[2] / size), (v[0] / size, v[1] / size, v[2] / size)
 
 
 @kernel(borrows=True)
