@@ -310,7 +310,7 @@ def test_too_long_steps_are_warned_of_once_at_the_end(tmp_path):
         work = results.steps[-1].work
         assert len(words) == warned == (abs(work.left) > 0.05 * work.dissipation)
         if words:
-            assert f"misses {work.left:.4g} ({abs(work.left) / work.dissipation:.0%})" in words[0]
+            assert f"is off by {work.left:.4g} ({abs(work.left) / work.dissipation:.0%})" in words[0]
             assert words[0] in results.message
 
 
