@@ -23,6 +23,8 @@ from lacsolver.contact import Interface
 from lacsolver.distributed.share import UNDIVIDED, Distribution
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
+from lacsolver.equilibrium.motion import ENERGIES, doubtful_energy
+from lacsolver.equilibrium.state import CONTACT, State
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create_output
 from lacsolver.output.ring import described
@@ -38,10 +40,8 @@ from lacsolver.results.dipping import dipped
 from lacsolver.results.faceted import faceted
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
-from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.new_contact import closed_at_start, sliding_since_contact, turned_far
 from lacsolver.results.results import Restart, Results, StepFigures
-from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
 
 #: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
@@ -87,7 +87,7 @@ def run(
         output = RunOutput(problem, folder, fingerprint(problem.case, *distribution.as_read(mesh)), clock)
         start = None if start is None else output.continued(start, mesh)
     with output, clock.phase("solve"):
-        for state in march(problem, start=start, progress=progress):
+        for state in march(problem, start=start.step if start else None, progress=progress):
             with clock.phase("results"), signals_wait():  # a step is in all files or in none
                 output.add(state)
                 if stepped is not None:

@@ -30,6 +30,7 @@ from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.constraints.pretension import SectionForces
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.state import State
 from lacsolver.equilibrium.stepping import march as march_states
 from lacsolver.output import Writer, create_output
 from lacsolver.problem.problem import Problem
@@ -38,7 +39,6 @@ from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
-from lacsolver.results.state import State
 from lacsolver.results.units import NO_UNITS, Units
 from lacsolver.watch import Watch
 

@@ -21,10 +21,10 @@ from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic
+from lacsolver.equilibrium.state import StepState
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import StepState
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
 from tests.lacsolver.contact_cases import checked
@@ -129,7 +129,7 @@ def test_a_run_that_goes_on_is_one_that_did_not_stop(name, ran_once):
     done, states = ran_once(name), states_of(name)
     case, first = done.case, done.stored[0]
     start = read_state(done.folder, case, done.times[first - 1], mesh=case.mesh)
-    for again, state in zip(march(Problem.of(case, case.mesh), start=start), states[first:], strict=True):
+    for again, state in zip(march(Problem.of(case, case.mesh), start=start.step), states[first:], strict=True):
         np.testing.assert_array_equal(again.u, state.u)
         np.testing.assert_array_equal(again.step.iterate.p, state.step.iterate.p)
 

@@ -23,9 +23,9 @@ from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacmesh.partition import distribute_nodes, write_parts
 from lacsolver import Case, parse_case
+from lacsolver.equilibrium.state import State
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import State
 from verification import mpiexec
 
 Floats = NDArray[np.floating]

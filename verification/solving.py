@@ -15,12 +15,12 @@ from lacmesh import Mesh
 from lacsolver import Solution
 from lacsolver.case import Displacement, Value
 from lacsolver.contact import integrate
+from lacsolver.equilibrium.state import State, ZoneFriction, ZoneState
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.fields import state_fields
 from lacsolver.results.figures import step_figures
 from lacsolver.results.results import Fields, StepFigures
-from lacsolver.results.state import State, ZoneFriction, ZoneState
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 

@@ -32,8 +32,8 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Trial
 from lacsolver.equilibrium.splitting import split
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.linear.vectors import products
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.row_set import OUT, LinearRows, RowSet

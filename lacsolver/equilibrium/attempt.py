@@ -21,13 +21,13 @@ from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
 from lacsolver.equilibrium.search import IterationCallback, Outcome, Trial, search
+from lacsolver.equilibrium.state import Iterate, StepState
 from lacsolver.linear import LinearError
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, felt
 from lacsolver.problem.sectors import check_in_sector
-from lacsolver.results.state import Iterate, StepState
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.saddle import RANK_TOLERANCE, SaddleProblem
 from lacsolver.saddle.schur import solve_saddle

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.results.motion import MotionState
+from lacsolver.equilibrium.motion import MotionState
 
 if TYPE_CHECKING:
     from lacsolver.equilibrium.newmark import Newmark
@@ -66,7 +66,7 @@ def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floatin
 def energies(
     scheme: Newmark, step: LoadStep, q: Floats, p: Floats, dt: float, after: MotionState
 ) -> NDArray[np.floating]:
-    """Return the energies (8,) at the end of a step, in the order of `results.motion.ENERGIES`.
+    """Return the energies (8,) at the end of a step, in the order of `equilibrium.motion.ENERGIES`.
 
     The step, of size dt, has converged at q (n_q,), p (m,) with the motion `after`.
     """

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from lacmesh.mesh import Floats
 from lacmesh.surface.normals import unit
-from lacsolver.results.state import Iterate
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_set import ShearRows
 from lacsolver.space.sparse import sparse

@@ -25,9 +25,9 @@ from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import CONTACT, SLIDES, ContactLaw, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.search import search
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.linear import SingularError
 from lacsolver.linear.vectors import WHOLE
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, typical_measures
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import RowGroup, Rows

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.state import Held
 from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, FreeMotion, describe, displaced_by, felt, still_free
-from lacsolver.results.state import Held
 from lacsolver.space.space import Space
 
 #: fraction of the contact stiffness below which contact hardly constrains a motion

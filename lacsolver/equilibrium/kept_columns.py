@@ -28,7 +28,7 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import Bools
 from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
-from lacsolver.results.state import Iterate
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import Rows

@@ -21,7 +21,7 @@ from lacmesh.mesh import Floats
 from lacsolver.equilibrium.balance_of_energy import heat_of, strain
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.results.state import StepState, Work
+from lacsolver.equilibrium.state import StepState, Work
 
 
 class Ledger:

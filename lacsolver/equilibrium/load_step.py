@@ -27,7 +27,7 @@ from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear import Matrix, SingularError
-from lacsolver.results.state import Histories, StepState
+from lacsolver.equilibrium.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.saddle import scaled

@@ -23,12 +23,12 @@ from scipy.sparse import block_diag, csr_array
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.balance_of_energy import energies, momentum
 from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.motion import CONTACT, STORED, MotionState
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.equilibrium.starting import motion_forces, start_of_motion
+from lacsolver.equilibrium.state import Iterate, StepState
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import CONTACT, STORED, MotionState
-from lacsolver.results.state import Iterate, StepState
 
 #: digits of a step's size: steps that differ by round-off are one, and share a factor
 _DIGITS = 10

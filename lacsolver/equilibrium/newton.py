@@ -38,8 +38,8 @@ from lacsolver.equilibrium.active_set import (
 )
 from lacsolver.equilibrium.search import Trial
 from lacsolver.equilibrium.splitting import split
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.linear import LinearError
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_set import OUT, RowSet

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.results.state import Iterate, StepState
+from lacsolver.equilibrium.state import Iterate, StepState
 
 if TYPE_CHECKING:
     from lacsolver.equilibrium.load_step import LoadStep

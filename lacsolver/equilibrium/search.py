@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools
-from lacsolver.results.state import Iterate
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.tolerances import ConvergenceTolerance, Residual
 

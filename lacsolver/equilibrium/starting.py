@@ -23,8 +23,8 @@ from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear.krylov import conjugate_gradients
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.initial import fitted, initial_motion
-from lacsolver.results.motion import MotionState
-from lacsolver.results.state import Iterate, StepState
+from lacsolver.equilibrium.motion import MotionState
+from lacsolver.equilibrium.state import Iterate, StepState
 
 #: step of the backward Euler method, relative to the first one
 _TINY = 1e-3

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
+from lacsolver.bodies.folding import folded
 from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free
@@ -23,13 +24,7 @@ from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.problem.problem import Problem
-from lacsolver.problem.rigid_modes import still_free
-from lacsolver.problem.sectors import check_stays_in_sector
-from lacsolver.problem.turned import turned_too_far
-from lacsolver.results.folding import folded
-from lacsolver.results.results import Restart
-from lacsolver.results.state import (
+from lacsolver.equilibrium.state import (
     CONTACT,
     SLIDES,
     UNPAIRED,
@@ -40,6 +35,10 @@ from lacsolver.results.state import (
     ZoneFriction,
     ZoneState,
 )
+from lacsolver.problem.problem import Problem
+from lacsolver.problem.rigid_modes import still_free
+from lacsolver.problem.sectors import check_stays_in_sector
+from lacsolver.problem.turned import turned_too_far
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_group import PairGroup
 from lacsolver.saddle.tolerances import ROUNDING
@@ -96,12 +95,12 @@ class _Attempts:
 def march(
     problem: Problem,
     *,
-    start: Restart | None = None,
+    start: StepState | None = None,
     progress: Callable[[Progress], None] | None = None,
     scheme: TimeScheme | None = None,
     kept: list[ReducedProblem] | None = None,
 ) -> Iterator[State]:
-    """Yield the converged states, step by step, from the undeformed bodies or a restart.
+    """Yield the converged states, step by step, from the undeformed bodies or what an earlier step has committed.
 
     `progress` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default. `kept`:
     a list with the problem of an earlier call, or empty; what serves this problem too is taken from there, and the
@@ -117,7 +116,7 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned, left, folds = start.step if start else StepState(), False, False, False
+    state, warned, left, folds = start or StepState(), False, False, False
     acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
@@ -199,7 +198,7 @@ def _marched(
             _check_prescribed_gaps(step, q, outcome.contact)
             _check_prescribed_slips(step, outcome)
             histories = step.commit(q, p, active, outcome.contact)
-            fold = folded(model.problem, step.u(q), step.t)
+            fold = folded(model.problem.kinematics, step.u(q), step.t)
             coarse = bool(fold) and _folds_in(step, target - began)
             if attempts.refined < _REFINED and (coarse or model.scheme.too_coarse(model, state, histories.scheme)):
                 attempts.refined += 1
@@ -222,7 +221,7 @@ def _folds_in(step: LoadStep, planned: float) -> bool:
     """
     problem, state = step.model.problem, step.state
     least = planned / 2 ** min(_REFINED, problem.case.steps.max_halvings)
-    return step.t - state.time > least * (1 + _SAME) and not folded(problem, step.u_before, state.time)
+    return step.t - state.time > least * (1 + _SAME) and not folded(problem.kinematics, step.u_before, state.time)
 
 
 def _passed(step: LoadStep, outcome: Outcome) -> str | None:

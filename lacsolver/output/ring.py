@@ -15,8 +15,8 @@ from lacmesh.topology.skin import Faces
 from lacsolver.case import Case, Cyclic
 from lacsolver.constraints.cyclic import turn_of
 from lacsolver.contact.interface import Turn
+from lacsolver.equilibrium.state import ZoneFriction
 from lacsolver.results.results import Fields, ZoneFields
-from lacsolver.results.state import ZoneFriction
 
 #: places of the components xx, yy, zz, xy, yz, xz of a stress in a matrix
 _ROWS, _COLUMNS = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]

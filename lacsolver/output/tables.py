@@ -22,7 +22,7 @@ from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.names import HISTORY
 from lacsolver.results.results import StepFigures, ZoneFields
-from lacsolver.results.state import ZoneFriction
+from lacsolver.equilibrium.state import ZoneFriction
 
 #: two times are the same if they differ by less than this, relative to the larger
 SAME_TIME = 1e-9

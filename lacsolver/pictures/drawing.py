@@ -43,7 +43,7 @@ from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_li
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
 from lacsolver.results.results import Fields, ZoneFields
-from lacsolver.results.state import CONTACT, SLIDES
+from lacsolver.equilibrium.state import CONTACT, SLIDES
 from lacsolver.results.units import Units
 
 #: room above and below a curve, relative to the span of its scale

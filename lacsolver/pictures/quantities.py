@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from lacmesh.drawing import RAMP
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.state import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.results import ZoneFields
-from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.units import Units
 
 #: a result from its low end to its high one: light to dark, so that what is large stands out on light bodies

@@ -14,9 +14,9 @@ import numpy as np
 from lacmesh.mesh import Floats
 from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.contact import Zone
+from lacsolver.equilibrium.state import CONTACT, State
 from lacsolver.problem.hypothesis import ALTERNATING, finer, judged
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT, State
 
 #: difference of pressures from the mean of their neighbours', relative to the pressures, above which they alternate
 _ALTERNATE = 0.15

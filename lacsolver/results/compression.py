@@ -15,8 +15,8 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.hyperelastic import SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import Finite
 from lacsolver.bodies.points import table
+from lacsolver.equilibrium.state import State
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import State
 
 #: principal stretches at which the warning begins, and at which the force is largest
 WARNED, LARGEST = 0.7, 3**-0.5

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lacsolver.equilibrium.state import CONTACT, State
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT, State
 
 #: depth, of the size of a macro-element, from which it is warned of
 _DEEP = 0.1

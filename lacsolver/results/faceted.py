@@ -17,8 +17,8 @@ from lacmesh.smooth import unresolved
 from lacmesh.surface import Surface
 from lacsolver.case import Contact
 from lacsolver.contact import Zone
+from lacsolver.equilibrium.state import State
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import State
 
 #: a run warns above both of these: relative difference between pressures of neighbours, and error of flat faces
 #: relative to the mean pressure of the macro-elements in contact

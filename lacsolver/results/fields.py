@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from lacsolver.bodies.points import Field
 from lacsolver.constraints.late import late_forces
+from lacsolver.equilibrium.state import State, ZoneState
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, ZoneFields
-from lacsolver.results.state import State, ZoneState
 from lacsolver.results.yielding import nodal_plastic_strain
 
 

@@ -18,11 +18,11 @@ from lacsolver.constraints.coupling import CouplingRows, CouplingState, distribu
 from lacsolver.constraints.late import support_forces
 from lacsolver.constraints.pretension import SectionForces, carried_by
 from lacsolver.constraints.terms import carried
+from lacsolver.equilibrium.motion import ENERGIES
+from lacsolver.equilibrium.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import ENERGIES
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
-from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
 from lacsolver.results.yielding import plastic_figures, yields
 from lacsolver.space.space import COMPONENTS, Space
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.contact import Interface
+from lacsolver.equilibrium.state import CONTACT, SLIDES, State
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT, SLIDES, State
 
 #: part of the friction of a zone that such macro-elements carry
 _MUCH = 0.25

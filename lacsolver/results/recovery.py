@@ -39,10 +39,10 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.results.boundary_layer import without_layer
 from lacsolver.results.parabolas import Slave, between, dyads, fitted, nodal_means, summed
 from lacsolver.results.patches import beside, nodes_of, ones, only, scaled
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.space.sparse import joined_columns
 
 Bools = NDArray[np.bool_]

@@ -20,9 +20,9 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.constraints.coupling import CouplingState
 from lacsolver.constraints.pretension import SectionForces
+from lacsolver.equilibrium.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.resultants import Resultant
-from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -80,7 +80,7 @@ class ZoneFigures(Described):
 class MotionFigures(Described):
     """Figures of a step in motion (NaN in static steps before the start of [dynamics]).
 
-    `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain + soft_contact - external + damped +
+    `energies`: named as in `equilibrium.motion.ENERGIES`, kinetic + strain + soft_contact - external + damped +
     contact + friction + numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the
     origin. `impulse`: by zone, that of the contact forces on the slave since the start, (d,). `velocities`,
     `accelerations`: of each probe, (d,).

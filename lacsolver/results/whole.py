@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Ints
 from lacsolver.constraints import Constraints
 from lacsolver.distributed.share import Share
-from lacsolver.results.motion import AT_NODES, WITH_POINTS, MotionState
+from lacsolver.equilibrium.motion import AT_NODES, WITH_POINTS, MotionState
 from lacsolver.space.space import Space
 
 #: number of places in the order of the model that a piece is from

@@ -10,10 +10,10 @@ from lacsolver.bodies.kinematics import Finite
 from lacsolver.bodies.plastic import Plastic
 from lacsolver.bodies.points import Field
 from lacsolver.bodies.small import weights
+from lacsolver.equilibrium.state import State
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_values, von_mises
 from lacsolver.results.results import PlasticFigures
-from lacsolver.results.state import State
 
 
 def yields(problem: Problem) -> bool:

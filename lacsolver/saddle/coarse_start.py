@@ -19,8 +19,8 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import LinearError
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
+from lacsolver.saddle.iterate import Iterate
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem

@@ -29,7 +29,7 @@ from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState, Unilateral
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import Histories
+from lacsolver.saddle.iterate import Histories
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import EqualityGroup, PairGroup, RowGroup, Rows
 from lacsolver.saddle.row_set import IN, OUT, LinearRows, RowSet, ShearRows, Slides, combined

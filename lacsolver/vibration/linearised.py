@@ -17,11 +17,11 @@ from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.state import Histories
 from lacsolver.linear.regular import is_free
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, still_free
 from lacsolver.results.results import Restart
-from lacsolver.results.state import Histories
 from lacsolver.saddle.contact_system import ContactSystem, contact_system, row_energies
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lacsolver.case import Pressure, Solver
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.saddle.tolerances import ROUNDING
 from tests.problem_meshes import nodes_of as nodes_of_mesh
 from tests.problems import ELASTIC, case_of, fix

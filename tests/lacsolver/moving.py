@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lacsolver.results.motion import ENERGIES
+from lacsolver.equilibrium.motion import ENERGIES
 
 #: signs of the energies in their account
 SIGNS = np.array([-1.0 if name == "external" else 1.0 for name in ENERGIES])

@@ -19,10 +19,10 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import box, rectangle
 from lacmesh.generate import stack as stacked
 from lacsolver.case import CaseError, Displacement, Material, Pretension, Steps, Temperature, Tie, Traction, Value
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.dipping import dipped
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate

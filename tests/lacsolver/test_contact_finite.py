@@ -11,10 +11,10 @@ from lacmesh import Mesh, join
 from lacmesh.generate import box, line, rectangle
 from lacmesh.generate.parts import assembled
 from lacsolver.case import BodyForce, CaseError, Dynamics, Initial, Material, Rigid, Spring, Steps
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.problem.passing import passing
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import (
     POISSON,
     SIDES,

@@ -23,10 +23,10 @@ from lacsolver.case import BodyForce, Displacement, Force, Gravity, Material, Ri
 from lacsolver.equilibrium.attempt import first_iterate
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.state import CONTACT, OPEN
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
-from lacsolver.results.state import CONTACT, OPEN
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.space.space import Space

@@ -21,7 +21,7 @@ from lacmesh.reference.quadrature import measure
 from lacsolver.case import Dynamics, Material, Rigid, Steps
 from lacsolver.cli import main
 from lacsolver.constraints.cyclic import with_sectors
-from lacsolver.results.motion import ENERGIES
+from lacsolver.equilibrium.motion import ENERGIES
 from lacsolver.validation import validate
 from tests import REPOSITORY
 from tests.lacsolver.contact_cases import load, only, stresses

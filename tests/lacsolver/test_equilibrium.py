@@ -11,7 +11,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.results.state import Iterate
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, ForceTerms, equilibrium_residual

@@ -19,12 +19,12 @@ from lacmesh.generate import rectangle
 from lacmesh.generate import stack as stacked
 from lacsolver.case import BodyForce, CaseError, Dynamics, Gravity, Initial, Material, Rigid, Spring, Steps
 from lacsolver.equilibrium.alternating import alternating
+from lacsolver.equilibrium.motion import ENERGIES
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output, read_state
 from lacsolver.output.tables import CONTACT_COLUMNS, contact_columns
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import ENERGIES
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
 from tests.lacsolver.contact_cases import load, nodes_of, total

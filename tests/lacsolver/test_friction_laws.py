@@ -20,11 +20,11 @@ from lacsolver.contact.friction import Bounds, Solved, States, defect, next_stat
 from lacsolver.contact.laws import CONTACT, SLIDES, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.search import search
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.matrices import read_matrices, write_matrices
 from lacsolver.results.recovered_shear import recover_shear
 from lacsolver.results.recovery import recover_pressure
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
 from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.row_set import ShearRows

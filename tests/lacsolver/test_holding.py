@@ -12,11 +12,11 @@ from lacmesh import Mesh, join
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning
 from lacmesh.generate import box, rectangle, ring
+from lacsolver.bodies.folding import _FACTORS, folded, folds
 from lacsolver.case import BodyForce, Contact, Coupling, Displacement, Force, Material, Solver, Steps, Traction
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
-from lacsolver.results.folding import _FACTORS, folded, folds
 from lacsolver.running import run
 from lacsolver.space.space import Space
 from tests.problems import case_of, contact, fix, move
@@ -218,4 +218,4 @@ def test_a_cell_that_must_fold_is_warned_of(tmp_path):
     assert [step.time for step in done.steps] == [0.5, 0.75, 0.875, 1.0]
     assert said == done.message and said.startswith("cell 1 near (0.5, 0.5) folded at time 0.875: ")
     problem = Problem.of(case_of(rectangle(1, kind="QUAD8"), Material(young=1.0, poisson=0.3), model="plane_strain"))
-    assert folded(problem, np.full(problem.space.n_dof, 9.0), 1.0) == ""  # small kinematics do not fold
+    assert folded(problem.kinematics, np.full(problem.space.n_dof, 9.0), 1.0) == ""  # small kinematics do not fold

@@ -17,11 +17,11 @@ from lacsolver.case import CaseError, Contact, Displacement, Material, Rigid, Ti
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.equilibrium.alternating import alternating as what_alternates
 from lacsolver.equilibrium.search import Outcome
+from lacsolver.equilibrium.state import CONTACT
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.alternation import alternating, roughness
-from lacsolver.results.state import CONTACT
 from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate

@@ -12,9 +12,9 @@ import lacsolver.equilibrium.stepping
 from benchmarks.common import blocks
 from lacmesh.errors import LacmeshError
 from lacsolver.cli.summary import print_summary
+from lacsolver.equilibrium.motion import ENERGIES, doubtful_energy
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.running import run
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle

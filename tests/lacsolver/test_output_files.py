@@ -23,7 +23,7 @@ from lacsolver.output.tables import History
 from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields, Restart, Results, ZoneFigures
-from lacsolver.results.state import StepState
+from lacsolver.equilibrium.state import StepState
 from lacsolver.space.space import Space
 from tests.bad_input.case import small_files
 from tests.formats.med_peer import ask

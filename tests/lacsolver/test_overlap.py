@@ -22,12 +22,12 @@ from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.closest import closest_points
 from lacsolver.case import CaseError, Contact, Material, Pressure, Steps
+from lacsolver.equilibrium.state import UNPAIRED
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
 from lacsolver.problem.adjust import adjusted
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
-from lacsolver.results.state import UNPAIRED
 from lacsolver.running import run
 from lacsolver.validation import validate
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks

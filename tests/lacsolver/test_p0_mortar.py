@@ -21,8 +21,8 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.search import search
+from lacsolver.equilibrium.state import Iterate
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.tolerances import ConvergenceTolerance

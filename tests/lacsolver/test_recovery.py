@@ -13,8 +13,8 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import rectangle
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.results.recovery import _missed, recover_pressure
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.bodies import body
 from tests.lacsolver.held import with_sides
 

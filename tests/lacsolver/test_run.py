@@ -13,11 +13,11 @@ from lacmesh import Mesh
 from lacmesh.kernels import Kernel
 from lacsolver.bodies.small import points
 from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, Steps, Tie
+from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import balance, moment, probe, stress_ranges, with_invariants
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, plane_mixture, square

@@ -14,9 +14,9 @@ from lacsolver.case import Displacement, Dynamics, Initial, Material, Pressure, 
 from lacsolver.equilibrium import kept_columns
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.state import CONTACT
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import CONTACT
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
 from tests.lacsolver.patch_meshes import stack

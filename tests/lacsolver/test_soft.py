@@ -14,9 +14,9 @@ from lacsolver.case import CaseError, Dynamics, Initial, Material, Pressure, Rig
 from lacsolver.contact.curves import Exponential, Linear, Table
 from lacsolver.contact.damping import Damped
 from lacsolver.contact.laws import Bilateral, RowState
+from lacsolver.equilibrium.motion import CONTACT, ENERGIES, STORED, doubtful_energy
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import CONTACT, ENERGIES, STORED, doubtful_energy
 from tests.lacsolver.contact_cases import checked
 from tests.lacsolver.moving import unbalanced
 from tests.lacsolver.patch_meshes import stack

@@ -10,9 +10,9 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh, Surface, cut_skin, generate
 from lacsolver.case import Case, Contact, Displacement, Material, Output, Pressure, Steps, Tie, fingerprint
+from lacsolver.equilibrium.state import Histories, Iterate, State, StepState, ZoneState
 from lacsolver.output import Writer, create_output
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
-from lacsolver.results.state import Histories, Iterate, State, StepState, ZoneState
 from lacsolver.space.space import Space
 from tests.problems import case_of
 

@@ -27,9 +27,9 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver import NotConvergedError
 from lacsolver.contact import integrate
+from lacsolver.equilibrium.state import State
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.state import State
 from verification.exact.coulomb import Condensed, condensed, lemke, tresca
 from verification.meshes.blocks import bent, joined
 from verification.meshes.friction import seated

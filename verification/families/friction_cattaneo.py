@@ -26,7 +26,7 @@ from lacmesh import Mesh
 from lacsolver.case import Value
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.results.state import StepState
+from lacsolver.equilibrium.state import StepState
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance

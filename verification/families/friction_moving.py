@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh import Mesh
-from lacsolver.results.state import State
+from lacsolver.equilibrium.state import State
 from verification.exact import impact
 from verification.meshes import friction as meshes
 from verification.meshes.balls import half_sphere_on_wall

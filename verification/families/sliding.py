@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacsolver.equilibrium.state import State
 from lacsolver.results.figures import step_figures
-from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Published, Result, at_least, at_most, informative, problem, row
 from verification.solving import Solved, balanced, case_text, contact, entry, fixed, material, model_of, solve

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import gradient
+from lacsolver.bodies.kinematics import Kinematics
 from lacsolver.bodies.points import parts_of
-from lacsolver.problem.problem import Problem
 from lacsolver.space.determinant import determinant
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
@@ -50,14 +50,14 @@ class _Bernstein(NamedTuple):
     halves: tuple[tuple[NDArray[np.floating], NDArray[np.floating]], ...]
 
 
-def folded(problem: Problem, u: Floats, t: float) -> str:
+def folded(bodies: Kinematics, u: Floats, t: float) -> str:
     """Return a sentence about cells of finite strains that u (n_dof,) folds; "" if there are none.
 
     It is the same on all processes.
     """
-    if not problem.kinematics.finite:
+    if not bodies.finite:
         return ""
-    space = problem.space
+    space = bodies.space
     every = space.share.gather(folds(space, u))
     if not len(every):
         return ""
