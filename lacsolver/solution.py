@@ -28,9 +28,11 @@ from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.constraints.pretension import SectionForces
+from lacsolver.doubts.rules import Doubts
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.state import State
+from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.equilibrium.stepping import march as march_states
 from lacsolver.output import Writer, create_output
 from lacsolver.problem.problem import Problem
@@ -316,12 +318,19 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
         _log(now)
         watch.iterated(now)
 
+    doubts = Doubts(problem)
     with watch:
-        for number, state in enumerate(march_states(problem, progress=iterated, kept=_LAST), start=1):
-            _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
-            if progress:
-                watch.stepped(step_figures(problem, state))
-            yield Solution.of(problem, state, number)
+        try:
+            for number, state in enumerate(march_states(problem, progress=iterated, kept=_LAST), start=1):
+                _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
+                doubts.after(state)
+                if progress:
+                    watch.stepped(step_figures(problem, state))
+                yield Solution.of(problem, state, number)
+        except NotConvergedError:
+            doubts.ask("failed")
+            raise
+    doubts.ask("end")
 
 
 def _log(now: Progress) -> None:

@@ -6,6 +6,7 @@ depend on what failed, so that one validation reports all mistakes; then come lo
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from lacmesh.cutting.records import Cut, is_cut
-from lacmesh.errors import LacmeshError, RequestError
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.facts import Described, listed
 from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.case import Case, CaseError, Issue, as_case
@@ -23,23 +24,24 @@ from lacsolver.constraints import Constraints, equalities_of
 from lacsolver.constraints.equality_rows import EqualityRows, Free
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
+from lacsolver.doubts.overlap import covered_part, deepest_overlap, widest_gap
+from lacsolver.doubts.rules import asked, texts_of
+from lacsolver.doubts.run import Run
 from lacsolver.linear import choose
 from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.first_look import MotionFound, motion_found
-from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.loads import Loads, load_of, load_records
-from lacsolver.problem.opening import inexact_friction, opening_angles
-from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free, unheld
-from lacsolver.problem.sectors import check_in_sector
 from lacsolver.problem.skin import mesh_of
 from lacsolver.problem.springs import springs_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 
+#: rules that are asked: those before a run, and what a run finds out at its end
+_BEFORE = ("undeformed", "guess")
 #: a motion that the pressures of contact do not resist
 _FRICTION_ALONE = "{}, which friction alone resists"
 
@@ -140,14 +142,16 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
             _check_solver(case, parts.constraints.n_q)
     if parts.space is not None:
         before = len(validation.problems)
-        faces = _zones(case, parts, validation)
+        faces = _zones(parts, validation)
         whole = len(faces) == len(case.contact) + len(case.ties) and len(validation.problems) == before
         if parts.constraints is not None and whole and (case.dynamics is None or case.dynamics.start > 0):
             _look_at_motions(case, parts.constraints, faces, validation)
-        if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:
-            with validation.looking():
+        run = Run(parts, ())
+        with validation.looking():
+            if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:
                 problem = Problem(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
-                validation.motion = motion_found(problem)
+                validation.motion, run.parts = motion_found(problem), problem
+            _look_at_bodies(run, validation)
     validation.problems = list(dict.fromkeys(validation.problems))
     return validation
 
@@ -180,44 +184,40 @@ def _look_at_loads(case: Case, parts: ProblemParts, validation: Validation) -> N
         validation.loads = resultants(Loads.of(space, materials, case), case.steps.last)
 
 
-def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tuple[ContactPair, Interface]]:
+def _zones(parts: ProblemParts, validation: Validation) -> list[tuple[ContactPair, Interface]]:
     """Return the contact pairs with their interfaces at the start; add the zones and mistakes to the validation."""
     faces: list[tuple[ContactPair, Interface]] = []
-    space = parts.space
     for pair in parts.pairs:
-        assert space is not None
+        run = Run(parts, [pair])
         with validation.looking(pair.record.place):
-            face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            zone = _zone_found(pair, face, space, case.steps.planned[0])
-            validation.zones.append(replace(zone, adjusted=parts.adjusted.get(pair.name)))
-            faces.append((pair, face))
-            check_overlap(pair, face, space)
-            pair.check_facing(face)
-            check_in_sector(parts.case, pair, face, space)
-            if parts.constraints is not None and parts.materials is not None:
-                check_hypothesis(case, pair, space, parts.constraints, parts.materials)
+            zone = replace(_zone_found(run, pair, run.face(pair)), adjusted=parts.adjusted.get(pair.name))
+            validation.zones.append(zone)
+            faces.append((pair, run.face(pair)))
+            doubts = [doubt for doubt in asked(run, *_BEFORE) if doubt.record is pair.record]
+            validation.zones[-1] = replace(zone, told=tuple(doubt.text for doubt in doubts if not doubt.fatal))
+            texts_of(doubt for doubt in doubts if doubt.fatal)
     return faces
 
 
-def _zone_found(joint: ContactPair, face: Interface, space: Space, t: float) -> ZoneFound:
-    start = start_of(joint, face, space)
-    record, on = joint.record, joint.above_threshold(face)
+def _look_at_bodies(run: Run, validation: Validation) -> None:
+    """Warn of doubts about the case as a whole; add those about its motion to the validation."""
+    doubts = list(asked(run, *_BEFORE))
+    if validation.motion is not None:
+        told = tuple(doubt.text for doubt in doubts if doubt.record is run.parts.case.dynamics)
+        validation.motion = validation.motion._replace(told=told)
+    for doubt in doubts:
+        if doubt.record is None:
+            warnings.warn(LacmeshWarning(doubt.text), stacklevel=3)
+
+
+def _zone_found(run: Run, pair: ContactPair, face: Interface) -> ZoneFound:
+    record, on = pair.record, pair.above_threshold(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
-        record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        start.covered, (float(gap.min()), float(gap.max())), start.overlap, record.why,
-        (*start.told, *_opening(joint, face, space, t)), bridged=start.bridged,
+        record.name, pair.tie, record.slave, record.master, len(on), int((~on).sum()),
+        covered_part(face), (float(gap.min()), float(gap.max())), deepest_overlap(run, pair), record.why,
+        bridged=widest_gap(run, pair) if pair.tie else float("nan"),
     )  # fmt: skip
-
-
-def _opening(pair: ContactPair, face: Interface, space: Space, t: float) -> Iterator[str]:
-    """Yield a warning if friction would be inexact wherever the gap of a pair closed, under a pressure of 1."""
-    angles, bounds = opening_angles(pair, face, space.share), pair.bounds(space, t)
-    if angles is not None and bounds is not None:
-        coulomb = bounds._replace(
-            cohesion=np.where(bounds.friction > 0, 0.0, np.inf), limit=np.full(len(angles), np.inf)
-        )
-        yield from filter(None, [inexact_friction(pair.name, angles, coulomb, np.ones(len(angles)))])
 
 
 def _look_at_motions(

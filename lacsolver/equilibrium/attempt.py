@@ -24,10 +24,8 @@ from lacsolver.equilibrium.search import IterationCallback, Outcome, Trial, sear
 from lacsolver.equilibrium.state import Iterate, StepState
 from lacsolver.linear import LinearError
 from lacsolver.problem.motions import FreeMotion, describe
-from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, felt
-from lacsolver.problem.sectors import check_in_sector
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.saddle import RANK_TOLERANCE, SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -223,13 +221,9 @@ def _predictor(step: LoadStep, now: Iterate) -> Linearization:
 
 
 def first_iterate(step: LoadStep) -> Iterate:
-    """Return the initial iterate at q = 0. Raises errors for overlap, zones without a master, unsupported bodies."""
+    """Return the initial iterate at q = 0. Raises DataError for unsupported bodies."""
     problem, q = step.model.problem, np.zeros(step.model.problem.constraints.n_q)
     contact, interfaces = step.contact(q), step.interfaces(q)
-    for pair, face in zip(problem.joints, interfaces, strict=True):
-        check_overlap(pair, face, problem.space)
-        pair.check_facing(face)
-        check_in_sector(problem.case, pair, face, problem.space)
     step.model.check_held(step.closed_rows(q, contact.may_carry))
     closed = np.zeros(len(contact.G), bool)
     for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):

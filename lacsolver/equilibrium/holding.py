@@ -18,8 +18,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.state import Held
-from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, FreeMotion, describe, displaced_by, felt, still_free
-from lacsolver.space.space import Space
+from lacsolver.problem.rigid_modes import FreeMotion, describe, displaced_by, felt, still_free
 
 #: fraction of the contact stiffness below which contact hardly constrains a motion
 HARDLY = 1e-6
@@ -60,51 +59,3 @@ def _moved(motions: Sequence[FreeMotion], u: Floats, x: Floats | None) -> Iterat
     for motion, far in zip(motions, displaced_by(motions, u, x), strict=True):
         sizes = [motion.space.extent_of(body.nodes) for body in motion.bodies]
         yield describe(motion), float(far), min(float(size) or np.inf for size in sizes)
-
-
-def warnings_of(held: Sequence[Held], prescribed: float) -> Iterator[str]:
-    """Yield warnings about motions that contact hardly resists, or that displaced a body by more than its size.
-
-    `prescribed`: largest prescribed displacement, by which a body may move in addition.
-    """
-    described: set[str] = set()
-    for one in held:
-        far = one.moved > one.size + prescribed
-        if one.words not in described and (far or one.part < HARDLY):
-            described.add(one.words)
-            went = f"{one.words} by {one.moved:.4g}"
-            went += f", farther than it is long ({one.size:.4g})" if far else ""
-            advice = "support it by a displacement or a spring, or check where its load moves it"
-            yield f"{went}: {_resisted(one.part)}; {advice}"
-
-
-def _resisted(part: float) -> str:
-    if np.isnan(part):
-        return "contact alone resists that"
-    if part < STOPPED_BY_CONTACT**2:
-        return "contact alone could stop that, and no closed macro-element does"
-    return f"contact alone resists that, with {part:.1e} of its stiffness, as little as the roughness of a mesh gives"
-
-
-def beyond_a_cell(space: Space, u: Floats) -> str | None:
-    """Return a warning if the largest nodal displacement of u (n_dof,) exceeds the size of the node's largest cell.
-
-    Of several processes the one that has the node tells. Under small kinematics bodies and contact are evaluated
-    undeformed.
-    """
-    far = np.linalg.norm(u.reshape(-1, space.dim), axis=1)
-    if space.share.own is not None:
-        far[~space.share.own] = 0.0
-    node = int(far.argmax())
-    if far[node] < space.share.largest(float(far[node])):
-        return None
-    size = 0.0
-    for block in space.blocks:
-        x = space.local.points[block.nodes[(block.nodes == node).any(axis=1)]]
-        size = max(size, float(np.ptp(x, axis=1).max(initial=0.0)))
-    if not far[node] > size > 0:
-        return None
-    place = ", ".join(space.told(space.mesh.points[node]))
-    who = f"node {space.mesh.node_number[node]} ({place})"
-    message = f"{who} moves by {far[node]:.4g} and its cells are {size:.4g} long"
-    return f'{message}: small kinematics assumes small displacements; check what moves, or set kinematics = "finite"'

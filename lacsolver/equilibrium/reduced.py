@@ -61,12 +61,11 @@ class ReducedProblem:
     scheme: TimeScheme = field(default_factory=QuasiStatic)
 
     def __post_init__(self) -> None:
-        self._interfaces: dict[str, Interface] = {}
         self._reference: tuple[csr_array | None, Operator] | None = None
         self._columns: KeptColumns | None = None
 
     def take_from(self, before: ReducedProblem | None = None) -> None:
-        """Take what another static problem has found and what is the same here: stiffness, factor, interfaces.
+        """Take what another static problem has found and what is the same here: stiffness and its factor.
 
         Results are the same as without it.
         """
@@ -74,7 +73,6 @@ class ReducedProblem:
             return
         now, then = self.problem, before.problem
         pairs = [pair for pair in now.joints if any(pair is one for one in then.joints) and not pair.timed]
-        self._interfaces = {p.name: before._interfaces[p.name] for p in pairs if p.name in before._interfaces}
         if not now.shares_bodies_with(then):
             return
         now.__dict__["kinematics"] = then.kinematics
@@ -307,6 +305,4 @@ class ReducedProblem:
         """
         if pair.moving:
             return pair.integrate(self.problem.space, u, t, closed)
-        if pair.name not in self._interfaces or pair.timed:
-            self._interfaces[pair.name] = pair.integrate(self.problem.space, np.zeros_like(u), t)
-        return pair.turned(self._interfaces[pair.name], self.problem.space, u)
+        return pair.turned(pair.undeformed(self.problem.space, t), self.problem.space, u)

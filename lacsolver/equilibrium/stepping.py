@@ -37,7 +37,6 @@ from lacsolver.equilibrium.state import (
 )
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import still_free
-from lacsolver.problem.sectors import check_stays_in_sector
 from lacsolver.problem.turned import turned_too_far
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_group import PairGroup
@@ -107,8 +106,8 @@ def march(
     list then has this problem.
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
-    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart, and if a slave leaves its
-    sector.
+    and CaseError if prescribed displacements alone make skins overlap, or hold a tie apart. Nothing else is checked:
+    `doubts.rules.Doubts` asks what may be wrong before the first step, after each of them, and at the end.
 
     >>> from lacsolver import read_case
     >>> for state in march(Problem.of(read_case("data/two_blocks.toml"))):
@@ -116,7 +115,7 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned, left, folds = start or StepState(), False, False, False
+    state, warned = start or StepState(), False
     acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
@@ -125,12 +124,8 @@ def march(
             kept[:] = [model]
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
-            left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or _acts(step, converged.u, outcome.iterate.p)
-            if converged.folded and not folds:
-                warnings.warn(LacmeshWarning(converged.folded), stacklevel=2)
-                folds = True
             yield converged
     if not acted:
         message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"
@@ -241,17 +236,6 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
         if passed is not None:
             return words(pair, passed, step.t, space)
     return None
-
-
-def _check_sectors(step: LoadStep, outcome: Outcome, warned: bool) -> bool:
-    """Raise CaseError if slaves that move leave their sector; warn of a small part, once. Return True if it warned."""
-    problem, u = step.model.problem, step.u(outcome.iterate.q)
-    for pair, face in zip(problem.joints, step.interfaces(outcome.iterate.q), strict=True):
-        message = check_stays_in_sector(problem.case, pair, face, problem.space, u) if pair.moving else ""
-        if message and not warned:
-            warnings.warn(LacmeshWarning(message), stacklevel=3)
-            warned = True
-    return warned
 
 
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacsolver.case import Tie
-from lacsolver.problem.initial import fitted, initial_motion, jumps
+from lacsolver.problem.initial import fitted, initial_motion
 from lacsolver.problem.problem import Problem
 
 
@@ -31,7 +29,7 @@ class MotionFound(NamedTuple):
     massless: int
     moved: float
     momentum: tuple[float, ...]
-    told: tuple[str, ...]
+    told: tuple[str, ...] = ()
 
 
 def motion_found(problem: Problem) -> MotionFound:
@@ -52,35 +50,7 @@ def motion_found(problem: Problem) -> MotionFound:
     return MotionFound(
         (low, high), cell, float(high * step / cell), spacing / high,
         float(one @ inertia.M @ one), int(inertia.massless.nodes.sum()), moved, tuple(momentum.tolist()),
-        tuple(doubts(problem)),
     )  # fmt: skip
-
-
-def doubts(problem: Problem) -> list[str]:
-    """Return the warnings about a motion before it is computed; none without [dynamics]."""
-    if problem.inertia is None:
-        return []
-    return [*problem.inertia.told(), *_heavy_skins(problem), *jumps(problem)]
-
-
-def _heavy_skins(problem: Problem) -> Iterator[str]:
-    """Yield a warning for each rigid contact that moves and has no node without mass, as between rigid bodies."""
-    space, inertia, how = problem.space, problem.inertia, problem.case.dynamics
-    assert inertia is not None and how is not None
-    moves = np.diff(problem.constraints.T.indptr).reshape(-1, space.dim).any(axis=1)
-    for pair in problem.joints if how.massless != "none" else ():
-        faces = np.concatenate([skin.faces.nodes.ravel() for skin in (pair.zone.slave, pair.zone.master)])
-        nodes = faces[faces >= 0]
-        soft = isinstance(pair.record, Tie) or pair.record.is_soft
-        if soft or inertia.massless.nodes[nodes].any():
-            continue
-        if moves[nodes].any():
-            advice = "let one body deform, or give the contact a stiffness"
-            advice += "" if how.massless == "skins" else ', or take massless = "skins"'
-            yield (
-                f"the surfaces of contact {pair.name!r} have no nodes without mass, as rigid bodies keep their mass: "
-                f"pressures alternate, and an impact creates energy; {advice}"
-            )
 
 
 def _speeds(problem: Problem) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,7 @@ class ContactPair(Described):
     pairing: Pairing
     law: ContactLaw
     turns: bool = False
+    _kept: list[Interface] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def of(cls, space: Space, record: Contact | Tie) -> ContactPair:
@@ -172,6 +173,14 @@ class ContactPair(Described):
         face = integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=tie, share=space.share, keeps=closed)
         return self.turned(face, space, u)
 
+    def undeformed(self, space: Space, t: float) -> Interface:
+        """Return the interface of the undeformed skins at time t; skins that are paired once are so here."""
+        if self.moving or self.timed or not self._kept:
+            face = self.integrate(space, np.zeros(space.n_dof), t)
+            self._kept[:] = [] if self.moving or self.timed else [face]
+            return face
+        return self._kept[0]
+
     def turned(self, face: Interface, space: Space, u: Floats) -> Interface:
         """Return an undeformed interface under u (n_dof,), where the arm of a tie turns; others as they are."""
         return arm.turned(face, space.places(u), space.share) if self.has_turning_arm(face, space) else face
@@ -188,13 +197,6 @@ class ContactPair(Described):
         """
         coverage = face.coverage
         return np.asarray((coverage >= self.record.coverage_threshold - _ROUNDING) & (coverage > 0))
-
-    def check_facing(self, face: Interface) -> None:
-        """Raise CaseError if no macro-element has a master, and the zone is not paired again on deformed skins."""
-        if not self.moving and not self.above_threshold(face).any():
-            message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
-            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
-            raise wrong(self.record, named(f"{message}; {advice}", "no-coverage"))
 
 
 def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:

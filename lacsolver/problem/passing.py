@@ -21,14 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.surface import Surface
+from lacmesh.surface import Surface, default_distance
 from lacmesh.surface.normals import unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.skin import MAX_CORNERS
 from lacsolver.contact import Interface, integrate
 from lacsolver.distributed.share import Share
-from lacsolver.problem.overlap import looked
 from lacsolver.problem.pair import ContactPair
 from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate
@@ -71,6 +70,18 @@ class _Moving(NamedTuple):
 
     def take(self, rows: Ints) -> _Moving:
         return _Moving(self.start[rows], self.end[rows], self.normals[:, rows], self.real[rows], self.limit[rows])
+
+
+def looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
+    """Return a lower bound (m,) of the depth behind each macro-element to which a master was searched for."""
+    zone, given = face.zone, joint.pairing.max_penetration
+    if given is None and joint.moving:
+        given = joint.pairing.search_distance or default_distance(zone.slave, zone.master, zone.macro)
+    if given is not None:
+        return np.full(zone.n_macros, given)
+    out = np.zeros(zone.n_macros)
+    np.maximum.at(out, zone.macro, np.where(zone.slave.depth > 0, zone.slave.depth, zone.slave.size) / 2)
+    return out
 
 
 def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> Passing | None:

@@ -23,7 +23,6 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.threads import available_cores
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
-from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case, CaseError, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.case.errors import Issue
@@ -35,7 +34,6 @@ from lacsolver.constraints.of_case import equations_of, joining, node_sets
 from lacsolver.constraints.pretension import BoltSection, section_of, sides_of
 from lacsolver.distributed.share import ALONE, UNDIVIDED, Distribution, Share
 from lacsolver.problem.adjust import Adjustment, adjusted
-from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.loads import Loads, temperature_of
 from lacsolver.problem.pair import ContactPair
@@ -91,8 +89,6 @@ class Problem(Described):
         source = read_mesh(case, distribution) if mesh is None else mesh
         parts = build(case, source, distribution=distribution, like=like)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
-        for pair in parts.pairs:
-            check_hypothesis(parts.case, pair, parts.space, parts.constraints, parts.materials)
         pairs = tuple(parts.pairs)
         return cls(parts.case, parts.space, parts.materials, parts.constraints, pairs, source, parts.adjusted)
 
@@ -348,11 +344,8 @@ def _tell_of_no_body(space: Space, record: Displacement, nodes: Ints) -> None:
 
 
 def materials_of(case: Case, space: Space) -> Materials:
-    """Return the laws of a case on its cells; warn of cells that lock.
+    """Return the laws of a case on its cells.
 
     Raises CaseError, DataError and RequestError as `Materials.of` and the laws do.
     """
-    materials = Materials.of(space, [(law_of(m, case.kinematics), m.groups) for m in case.material])
-    for message in locking(space, materials):
-        warnings.warn(LacmeshWarning(message), stacklevel=3)
-    return materials
+    return Materials.of(space, [(law_of(m, case.kinematics), m.groups) for m in case.material])

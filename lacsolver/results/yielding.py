@@ -56,8 +56,8 @@ def plastic_figures(problem: Problem, state: State, stress: Field) -> PlasticFig
     if not yields(problem):
         return None
     space, share = problem.space, problem.space.share
-    after = _dissipated(problem, state.step.histories.materials, state.time)
-    before = _dissipated(problem, state.history, state.time)
+    after = dissipated(problem, state.step.histories.materials, state.time)
+    before = dissipated(problem, state.history, state.time)
     p = plastic_strain(problem, state.step.histories.materials)
     strain = max((values.max(initial=0.0) for values in p), default=0.0)
     most = 0.0
@@ -65,13 +65,14 @@ def plastic_figures(problem: Problem, state: State, stress: Field) -> PlasticFig
         own = [isinstance(problem.materials.laws[law], Plastic) for law in problem.materials.law[k]]
         chosen = values[np.array(own, bool)]
         most = max(most, float(von_mises(chosen.reshape(-1, space.model.n_stress)).max(initial=0.0)))
-    totals = share.total(np.array([after - before, after]))
-    return PlasticFigures(share.largest(float(strain)), share.largest(most), (float(totals[0]), float(totals[1])))
+    return PlasticFigures(share.largest(float(strain)), share.largest(most), (after - before, after))
 
 
-def _dissipated(problem: Problem, history: tuple[Floats, ...], t: float) -> float:
-    """Return the energy that the flow has taken in the cells of this process."""
+def dissipated(problem: Problem, history: tuple[Floats, ...], t: float) -> float:
+    """Return the energy that the flow has taken in the cells of all processes; 0 if no material yields."""
     space, total = problem.space, 0.0
+    if not yields(problem):
+        return total
     stretches = problem.kinematics.stretches(t) if isinstance(problem.kinematics, Finite) else None
     for k, (block, p, W) in enumerate(zip(space.blocks, plastic_strain(problem, history), weights(space), strict=True)):
         volume = W if stretches is None else W * stretches[k] ** 3  # energies are those of the warm, stress-free cells
@@ -79,4 +80,4 @@ def _dissipated(problem: Problem, history: tuple[Floats, ...], t: float) -> floa
             if isinstance(law, Plastic):
                 own = (problem.materials.law[k] == which) & space.own_cells(block)
                 total += float((volume[own] * law.dissipated(p[own])).sum())
-    return total
+    return float(problem.space.share.total(np.array(total)))

@@ -19,10 +19,11 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import box, rectangle
 from lacmesh.generate import stack as stacked
 from lacsolver.case import CaseError, Displacement, Material, Pretension, Steps, Temperature, Tie, Traction, Value
+from lacsolver.doubts.dipping import Dipping
+from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
-from lacsolver.results.dipping import dipped
 from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
@@ -153,7 +154,7 @@ def test_what_is_beyond_the_search_distance_is_not_looked_at():
     _, state = only(mesh, contact(search_distance=0.3), *fixed, fix("top", "z"))
     assert (state.zones[0].status == OPEN).all()
     with pytest.raises(CaseError, match="raise search_distance"):
-        only(mesh, contact(search_distance=0.1), *fixed, fix("top", "z"))
+        ls.solve(case_of(mesh, ELASTIC, contact(search_distance=0.1), *fixed, fix("top", "z"), model="3d"))
 
 
 def test_unloading_goes_back_the_way_it_came():
@@ -299,8 +300,9 @@ def test_an_edge_that_dips_into_its_master_is_warned_of():
     problem, state = only(stack("HEXA8", "TETRA4", 3), contact(), *FIXED, load("top", 1.0))
     (zone,) = state.zones
     dip = np.where(np.arange(len(zone.area)) == 1, 0.25, 0.05)
-    (message,) = dipped(problem, replace(state, zones=(replace(zone, dip=dip),)))
-    assert "is inside its master by" in message and "25 % of a macro-element" in message
+    run = Run(problem, problem.joints, last=replace(state, zones=(replace(zone, dip=dip),)))
+    (doubt,) = Dipping(run).of_step(run)
+    assert "is inside its master by" in doubt.text and "25 % of a macro-element" in doubt.text
 
 
 # ---- ties: blocks glued together carry any stress, and turn as one even across a gap

@@ -24,10 +24,11 @@ from lacmesh.generate.parts import linear
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface import Surface
 from lacsolver.case import Material, Pressure, Spring
+from lacsolver.doubts.neighbours import faceted
+from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
-from lacsolver.results.faceted import faceted
 from lacsolver.running import run
 from lacsolver.validation import validate
 from tests import REPOSITORY
@@ -166,7 +167,8 @@ FLAT = (DATA / "press_fit.toml").read_text().replace('master = "master"', 'maste
 
 
 def messages(case):
-    return list(faceted(*solved(case)))
+    problem, state = solved(case)
+    return [doubt.text for doubt in faceted(Run(problem, problem.joints, last=state))]
 
 
 def of_data(name, text=None):
@@ -295,8 +297,8 @@ def test_what_is_left_is_said(arguments, size, coarse):
     With three faces to the fillet what is left of the gaps is little, and yet more than the pressure is worth.
     """
     problem, state = solved(fillet_case(*arguments))
-    (message,) = faceted(problem, state)
-    assert f"heights of curved surfaces are uncertain by {size}" in message
+    (doubt,) = faceted(Run(problem, problem.joints, last=state))
+    assert f"heights of curved surfaces are uncertain by {size}" in doubt.text
     assert not coarse or np.abs(state.zones[0].pressure - 1).max() > 0.5
 
 

@@ -15,13 +15,15 @@ import lacmesh
 from lacmesh.generate import box, rectangle, stack
 from lacsolver.case import CaseError, Contact, Displacement, Material, Rigid, Tie, parse_case
 from lacsolver.contact.sliver import allowed_overlap
+from lacsolver.doubts.neighbours import Neighbours, alternating
+from lacsolver.doubts.rules import Doubts
+from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.alternating import alternating as what_alternates
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.equilibrium.state import CONTACT
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
-from lacsolver.results.alternation import alternating, roughness
 from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
@@ -79,7 +81,7 @@ def test_a_slave_without_displacements_of_its_own_is_refused(body, why, dim, cou
     of = mesh(dim, 4 if dim == 3 else 8, 2)
     wrong = case(dim, body=body, of=of)
     with pytest.raises(CaseError, match=f"{count} of {count} macro-elements.*{why}") as told:
-        problem_of(wrong)
+        Doubts(problem_of(wrong))
     assert f"only {nodes} free nodes" in str(told.value) and "exchange slave and master" in str(told.value)
     (problem,) = validate(wrong, of).problems
     assert problem.message == str(told.value)
@@ -101,7 +103,7 @@ def test_slaves_that_are_right():
 )
 def test_a_tie_and_a_slave_that_meets_its_master_later_are_judged_as_well(wrong):
     with pytest.raises(CaseError, match="16 of 16"):
-        problem_of(case(**wrong))
+        Doubts(problem_of(case(**wrong)))
 
 
 def punched(stiff, n_slave, roles=("slave", "master")):
@@ -112,10 +114,8 @@ def punched(stiff, n_slave, roles=("slave", "master")):
 
 @pytest.mark.parametrize("stiff, n_slave, said", [(10.0, 30, True), (1.0, 30, False), (10.0, 13, False)])
 def test_a_slave_stiffer_and_finer_than_its_master_is_warned_of(stiff, n_slave, said):
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        problem_of(punched(stiff, n_slave))
-    assert ["has finer faces" in str(one.message) for one in told] == [True] * said
+    (zone,) = validate(punched(stiff, n_slave)).zones
+    assert ["has finer faces" in one for one in zone.told] == [True] * said
 
 
 def test_pressures_that_alternate_are_told_with_their_cause(tmp_path):
@@ -136,9 +136,10 @@ def test_the_roughness_of_a_checkerboard_is_one_and_of_what_falls_evenly_none():
     zone = problem.joints[0].zone
     corners = zone.slave.x[zone.slave.faces.nodes[:, :2], 0].mean(axis=1)
     order = np.argsort(np.argsort([corners[zone.macro == k].mean() for k in range(zone.n_macros)]))
-    assert roughness(zone, (order % 2).astype(float)) == 1.0
-    assert roughness(zone, 5.0 + order) == pytest.approx(0.0, abs=1e-15)
-    assert list(alternating(problem, [*march(problem)][-1])) == []
+    near = Neighbours(zone)
+    assert near.roughness((order % 2).astype(float)) == 1.0
+    assert near.roughness(5.0 + order) == pytest.approx(0.0, abs=1e-15)
+    assert list(alternating(Run(problem, problem.joints, last=[*march(problem)][-1]))) == []
 
 
 @pytest.mark.parametrize(("joint", "count"), [(Contact, 1), (Tie, 0)])
@@ -147,8 +148,8 @@ def test_pressures_that_alternate_inside_are_told_of_contact_alone(joint, count)
     *_, state = march(problem)
     (zone,) = state.zones
     rough = replace(zone, pressure=np.arange(len(zone.pressure)) % 2 + 0.5, status=np.full(len(zone.status), CONTACT))
-    told = list(alternating(problem, replace(state, zones=(rough,))))
-    assert ["inside the contact area" in one for one in told] == [True] * count
+    doubts = list(alternating(Run(problem, problem.joints, last=replace(state, zones=(rough,)))))
+    assert ["inside the contact area" in one.text for one in doubts] == [True] * count
 
 
 # ---- slivers

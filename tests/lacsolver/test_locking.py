@@ -18,17 +18,19 @@ from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import kinematics_of
-from lacsolver.bodies.locking import locking, nearly_incompressible, poisson_of
+from lacsolver.bodies.locking import nearly_incompressible, poisson_of
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.plastic import Plastic
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material, Pressure, Solver, Steps, Temperature
+from lacsolver.doubts.crushed import LARGEST, most_compressed, softened, worse
+from lacsolver.doubts.locking import too_stiff
+from lacsolver.doubts.rules import Doubts
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.loads import thermal_force
 from lacsolver.problem.problem import Problem
-from lacsolver.results.compression import LARGEST, most_compressed, softened, worse
 from lacsolver.results.fields import point_stress
 from lacsolver.results.figures import step_figures
 from lacsolver.running import run
@@ -86,7 +88,7 @@ def case_on(mesh, model, poisson, law="elastic", **keys):
 def told_of(mesh, *given, **keys):
     """The warnings of validation, and of the problem of a run, which are the same."""
     case, told = case_on(mesh, *given, **keys), []
-    for read in (lambda: validate(case), lambda: Problem.of(case)):
+    for read in (lambda: validate(case), lambda: Doubts(Problem.of(case))):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             read()
@@ -271,7 +273,7 @@ def test_the_advice_is_one_that_the_law_can_take():
         (body("QUAD8", 2), METAL, ""),
     ):
         space = Space.of(solid, "3d" if solid.space_dim == 3 else "plane_strain")
-        told = locking(space, Materials.of(space, law))
+        told = list(too_stiff(space, Materials.of(space, law)))
         assert len(told) == bool(words) and all(words in one for one in told)
         assert law is not METAL or all("poisson" not in one for one in told)
     with pytest.warns(LacmeshWarning, match="makes TRIA3"):

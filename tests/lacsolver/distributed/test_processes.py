@@ -12,12 +12,13 @@ from scipy.sparse import csr_array
 from lacsolver.case import Solver, read_case
 from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
+from lacsolver.doubts.inertia import inertia
+from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear.petsc import petsc_matrix, set_up
 from lacsolver.output.tables import history_row
-from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
 from lacsolver.results.figures import step_figures
@@ -201,7 +202,7 @@ def solved(name):
     states = list(march(problem))
     rows = [row_of(problem, state) for state in states]
     stiffness = abs(problem.kinematics.tangent(states[0].u, states[0].time)).max()
-    return states, rows, stiffness, None if problem.inertia is None else doubts(problem)
+    return states, rows, stiffness, [*inertia(Run(problem, problem.joints))]
 
 
 def compared(name, backend, comm, alone):
@@ -240,7 +241,7 @@ def compared(name, backend, comm, alone):
     worst = {}
     for key, value in parts.items():
         worst[key.split(" at ")[0]] = max(worst.get(key.split(" at ")[0], 0.0), value)
-    told = problem.inertia is None or doubts(problem) == alone[3]
+    told = [*inertia(Run(problem, problem.joints))] == alone[3]
     return {"far": worst, "sets": sets, "doubts": told, "seen": sorted(seen)}
 
 

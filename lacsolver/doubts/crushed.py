@@ -15,6 +15,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.hyperelastic import SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import Finite
 from lacsolver.bodies.points import table
+from lacsolver.doubts.run import Doubt, Run, Watching
 from lacsolver.equilibrium.state import State
 from lacsolver.problem.problem import Problem
 
@@ -47,6 +48,21 @@ def most_compressed(problem: Problem, state: State) -> NDArray[np.floating]:
                 point = N @ space.mesh.points[block.nodes[cells[cell]]]
                 out[k] = least, state.time, *point[: space.dim]
     return out
+
+
+class Crushed(Watching):
+    """Doubts laws of Saint Venant-Kirchhoff that a step has compressed too far."""
+
+    def __init__(self, run: Run) -> None:
+        self._least = np.full((len(run.problem.materials.laws), 2 + run.space.dim), np.inf)
+
+    def look(self, run: Run) -> None:
+        """Keep the least stretches (laws, 2 + dim) of this process's cells, the first ones of those that are equal."""
+        self._least = worse(self._least, most_compressed(run.problem, run.state))
+
+    def __call__(self, run: Run) -> Iterator[Doubt]:
+        """Yield a doubt about each law."""
+        yield from (Doubt(text) for text in softened(run.problem, self._least))
 
 
 def worse(one: Floats, other: Floats) -> NDArray[np.floating]:

@@ -8,6 +8,8 @@ number of steps. Skins that touch in the mesh, and skins that a `clearance` alon
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,7 @@ from lacsolver.contact.faces import tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.shear import integrals
 from lacsolver.distributed.share import Share
+from lacsolver.doubts.run import Doubt, Run, Watching
 from lacsolver.problem.pair import ContactPair
 
 #: gap, of a macro-element's size, below which it is that of flat faces on curved skins
@@ -42,15 +45,36 @@ def opening_angles(pair: ContactPair, face: Interface, share: Share) -> NDArray[
     return np.where(face.gap > _SMALL * face.length, 2 * np.arcsin(np.minimum(apart / 2, 1.0)), 0.0)
 
 
-def inexact_friction(name: str, angles: Floats, bounds: Bounds, p: Floats) -> str:
-    """Return a warning where friction may be off by much at angles (m,) and pressures p (m,); "" if it is nowhere."""
+class Opening(Watching):
+    """Doubts friction that is inexact at the end, as a gap closed at an angle."""
+
+    def __init__(self, run: Run) -> None:
+        self._angles = {pair.name: opening_angles(pair, run.face(pair), run.space.share) for pair in run.pairs}
+
+    def __call__(self, run: Run) -> Iterator[Doubt]:
+        """Yield a doubt about each pair, with its pressures at the end."""
+        for pair, zone in run.zones:
+            angles, bounds = self._angles[pair.name], pair.bounds(run.space, run.state.time)
+            if angles is not None and bounds is not None:
+                yield from _inexact(pair, angles, bounds, zone.pressure)
+
+
+def may_open(run: Run) -> Iterator[Doubt]:
+    """Doubt friction that would be inexact wherever a gap closed, under a pressure of 1."""
+    for pair in run.pairs:
+        angles, bounds = opening_angles(pair, run.face(pair), run.space.share), pair.bounds(run.space, run.start)
+        if angles is not None and bounds is not None:
+            none, infinite = np.where(bounds.friction > 0, 0.0, np.inf), np.full(len(angles), np.inf)
+            yield from _inexact(pair, angles, bounds._replace(cohesion=none, limit=infinite), np.ones(len(angles)))
+
+
+def _inexact(pair: ContactPair, angles: Floats, bounds: Bounds, p: Floats) -> Iterator[Doubt]:
+    """Yield a doubt if friction may be off by much somewhere, at angles (m,) and pressures p (m,)."""
     bound = bounds.at(p)[0]
     part = np.divide(p * angles, bound, out=np.zeros_like(p), where=bound > 0)
-    worst = int(part.argmax()) if len(part) else 0
-    if not part.max(initial=0.0) > _MUCH:
-        return ""
-    return (
-        f"friction of contact {name!r} may be off by up to {100 * part[worst]:.2g} % of its bound where a gap closes "
-        f"between surfaces that are at an angle of {np.degrees(angles[worst]):.2g} degrees to each other in the mesh; "
-        'take geometry = "current", or flat surfaces with the gap as a clearance'
-    )
+    if part.max(initial=0.0) > _MUCH:
+        worst = int(part.argmax())
+        message = f"friction of contact {pair.name!r} may be off by up to {100 * part[worst]:.2g} % of its bound where "
+        message += f"a gap closes between surfaces that are at an angle of {np.degrees(angles[worst]):.2g} degrees to "
+        advice = 'take geometry = "current", or flat surfaces with the gap as a clearance'
+        yield Doubt(f"{message}each other in the mesh; {advice}", pair.record)

@@ -8,7 +8,7 @@ is refused. A slave that is stiffer and finer than its master comes near to that
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
 from lacmesh.checks.findings import named
-from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import unit
@@ -26,11 +25,11 @@ from lacmesh.surface.points import face_measure
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.bodies.material import Materials
-from lacsolver.case import Case, Contact
+from lacsolver.case import Contact
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Zone, integrate
+from lacsolver.doubts.run import Doubt, Run
 from lacsolver.problem.pair import ContactPair
-from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
 #: slaves this much stiffer than their master, in modulus over size, are warned of; such as these have been seen to
@@ -61,28 +60,35 @@ class Judgement(NamedTuple):
         return int(self.lacking.sum()) <= self.nodes
 
 
-def check_hypothesis(
-    case: Case, pair: ContactPair, space: Space, constraints: Constraints, materials: Materials
-) -> None:
-    """Raise CaseError for pressures that nothing determines; warn of a slave stiffer and finer than its master.
+def undetermined(run: Run) -> Iterator[Doubt]:
+    """Refuse pairs with pressures that nothing determines.
 
     Rigid bodies on rigid bodies are not judged: whether anything holds them is checked elsewhere.
     """
-    free = own_free(pair, space, constraints)
-    if free.all() and not _suspect(pair, space, constraints, materials):
-        return
-    face = _facing(pair, space, case.steps.planned[0])
-    judgement = judged(pair, face, space, constraints, materials)
-    if not judgement.determined:
-        raise wrong(pair.record, _refusal(pair, judgement, space, constraints))
-    stiff = judgement.ratio >= STIFFER
-    if finer(pair, face, stiff, constraints):
-        record = pair.record
-        times = float(np.median(judgement.ratio[stiff]))
-        message = f"{record.SECTION.name} {record.name!r}: slave {record.slave!r} is stiffer than master "
-        message += f"{record.master!r} and has finer faces (modulus over size is {times:.3g} times as large, and there "
-        message += "are more macro-elements than opposite nodes of the master): pressures may alternate"
-        warnings.warn(LacmeshWarning(f"{message}; exchange slave and master, or refine the master"), stacklevel=3)
+    parts = run.parts
+    for pair in run.pairs:
+        if parts.constraints is None or parts.materials is None or own_free(pair, run.space, parts.constraints).all():
+            continue
+        judgement = judged(pair, _facing(run, pair), run.space, parts.constraints, parts.materials)
+        if not judgement.determined:
+            yield Doubt(_refusal(pair, judgement, run.space, parts.constraints), pair.record, fatal=True)
+
+
+def stiffer(run: Run) -> Iterator[Doubt]:
+    """Doubt slaves that are stiffer than their masters and have finer faces."""
+    parts = run.parts
+    for pair in run.pairs:
+        if parts.constraints is None or parts.materials is None:
+            continue
+        face = _facing(run, pair)
+        ratio = judged(pair, face, run.space, parts.constraints, parts.materials).ratio
+        stiff = ratio >= STIFFER
+        if finer(pair, face, stiff, parts.constraints):
+            record, times = pair.record, float(np.median(ratio[stiff]))
+            message = f"{record.SECTION.name} {record.name!r}: slave {record.slave!r} is stiffer than master "
+            message += f"{record.master!r} and has finer faces (modulus over size is {times:.3g} times as large, and "
+            message += "there are more macro-elements than opposite nodes of the master): pressures may alternate"
+            yield Doubt(f"{message}; exchange slave and master, or refine the master", record)
 
 
 def judged(
@@ -204,25 +210,14 @@ def _of_faces(skin: Surface, values: Floats) -> NDArray[np.floating]:
     return np.divide(np.where(fine, there, 0.0).sum(axis=1), n, out=np.full(len(n), np.inf), where=n > 0)
 
 
-def _suspect(pair: ContactPair, space: Space, constraints: Constraints, materials: Materials) -> bool:
-    """True if the slave may be so much stiffer than the master that the two must be paired to know."""
-    free = np.ones(pair.zone.n_macros, bool)
-    stiffness, give = _own_stiffness(pair, free, space, constraints, materials)
-    largest = np.nan_to_num(stiffness, posinf=0.0).max(initial=0.0) * give.max(initial=0.0)
-    return space.share.largest(float(largest)) >= STIFFER
-
-
-def _facing(pair: ContactPair, space: Space, t: float) -> Interface:
+def _facing(run: Run, pair: ContactPair) -> Interface:
     """Return the interface of a pair at the start; skins that are to meet later are paired at any distance."""
-    face = pair.integrate(space, np.zeros(space.n_dof), t)
+    face, space = run.face(pair), run.space
     if not pair.moving or (face.w > 0).any():
         return face
     skins = np.concatenate([pair.zone.slave.faces.nodes.ravel(), pair.zone.master.faces.nodes.ravel()])
-    far = float(np.ptp(space.local.points[skins[skins >= 0]], axis=0).sum())
-    return integrate(
-        pair.zone, space.dim, replace(pair.pairing, search_distance=far), t=t, tie=pair.law.all_components,
-        share=space.share,
-    )  # fmt: skip
+    far = replace(pair.pairing, search_distance=float(np.ptp(space.local.points[skins[skins >= 0]], axis=0).sum()))
+    return integrate(pair.zone, space.dim, far, t=run.start, tie=pair.law.all_components, share=space.share)
 
 
 def _refusal(pair: ContactPair, judgement: Judgement, space: Space, constraints: Constraints) -> str:

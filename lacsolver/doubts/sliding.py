@@ -1,0 +1,68 @@
+"""Warnings where friction depends on the steps: macro-elements that come into contact and slide in one step, and rigid
+bodies that turn far in one.
+
+The slip of the first is counted from the start of the step, although part of it was before they touched. It is said
+where they carry more than a quarter of the friction of their zone. Slip is measured in a straight line from the start
+of a step to its end, which is too short by 4 % for points that go round by half a radian, and 0 after a turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacsolver.doubts.run import Doubt, FirstOf, Run
+from lacsolver.equilibrium.state import CONTACT, SLIDES
+
+#: part of the friction of a zone that such macro-elements carry
+_MUCH = 0.25
+#: angle (radians) of a rigid body in a step above which it is said
+_FAR = 0.5
+
+
+def touching_at_start(run: Run) -> dict[str, NDArray[np.bool_]]:
+    """Return the macro-elements (n,) of each pair with friction that touch before the first step."""
+    out = {}
+    for pair in run.pairs:
+        if pair.pairing.friction:
+            face = pair.undeformed(run.space, 0.0) if pair.timed else run.face(pair)  # the clearance was another one
+            out[pair.name] = face.touching
+    return out
+
+
+class ClosedAndSlid(FirstOf):
+    """Doubts friction of macro-elements that closed and slid in one step."""
+
+    def of_step(self, run: Run) -> Iterator[Doubt]:
+        """Yield a doubt about each zone of the last state."""
+        for pair, zone in run.zones:
+            before = run.before.touched.get(zone.name)
+            if zone.friction is None or before is None:
+                continue
+            new = (zone.status == SLIDES) & ~before
+            carried = np.linalg.norm(zone.friction.shear, axis=1) * zone.area * zone.coverage
+            if carried[new].sum() > _MUCH * carried.sum():
+                part = f"{int(new.sum())} of {int((zone.status >= CONTACT).sum())} macro-elements"
+                message = f"friction of {zone.name!r} depends on the load path: {part} closed and slid in one step, "
+                message += f"at time {run.state.time:.6g}; compare with twice as many steps"
+                yield Doubt(message, pair.record)
+
+
+class TurnedFar(FirstOf):
+    """Doubts friction of rigid bodies that turn far in a step and slide, or so far that slip is not seen."""
+
+    def of_step(self, run: Run) -> Iterator[Doubt]:
+        """Yield a doubt about each pair of a rigid body and a zone of the last state."""
+        problem, state = run.problem, run.state
+        for body in problem.constraints.rigid if problem.kinematics.finite else ():
+            moved = state.rigid[body.name] - run.before.rigid.get(body.name, 0.0)
+            angle = float(np.linalg.norm(moved[problem.space.dim :]))
+            for pair, zone in run.zones:
+                skins = [skin.faces.distinct_nodes for skin in (pair.zone.slave, pair.zone.master)]
+                rubs = zone.friction is not None and np.isin(np.concatenate(skins), body.nodes).any()
+                if rubs and angle > _FAR * (1 + 1e-6) and (angle > np.pi or (zone.status == SLIDES).any()):
+                    message = f"friction of {zone.name!r} measures slip in straight lines, and {body.name!r} turns by "
+                    message += f"{angle:.3g} radians in the step to time {state.time:.6g}"
+                    yield Doubt(f"{message}; take steps that turn it by {_FAR:g} at most", pair.record)
