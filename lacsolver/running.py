@@ -19,6 +19,7 @@ from lacmesh.mesh import Mesh, MeshLike, as_mesh
 from lacmesh.threads import peak_memory
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.distributed.share import UNDIVIDED, Distribution
+from lacsolver.doubts.overlap import deepest_overlap, widest_gap
 from lacsolver.doubts.rules import Doubts
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.state import State
@@ -120,7 +121,9 @@ class RunOutput:
         self._problem, self._folder, self._prints, self._clock = problem, folder, prints, clock
         self._orders = orders_of(problem.constraints, points)
         self._number = 0
-        self._doubts = doubts = Doubts(problem)
+        self._doubts = Doubts(problem)
+        self._doubts.ask("undeformed")
+        gaps = {pair.name: widest_gap(self._doubts.run, pair) for pair in problem.joints if pair.tie}
         self._writer: Writer | None = None
         self._last: State | None = None
         #: a sentence about a solver that took the place of the one that was asked for, of which was warned
@@ -129,8 +132,8 @@ class RunOutput:
             __version__,
             sizes=_sizes(problem),
             roles={pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints},
-            overlap=doubts.overlap,
-            bridged={name: gap for name, gap in doubts.bridged.items() if gap > 0},
+            overlap={pair.name: deepest_overlap(self._doubts.run, pair) for pair in problem.joints},
+            bridged={name: gap for name, gap in gaps.items() if gap > 0},
             units=problem.case.output.units or "",
             adjusted=problem.adjusted,
             sectors=described(problem.case),

@@ -319,6 +319,7 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
         watch.iterated(now)
 
     doubts = Doubts(problem)
+    doubts.ask("undeformed")
     with watch:
         try:
             for number, state in enumerate(march_states(problem, progress=iterated, kept=_LAST), start=1):

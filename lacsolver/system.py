@@ -21,7 +21,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Ints, Mesh, MeshLike
 from lacsolver.bodies.mass import assemble_mass, check_densities
 from lacsolver.case import Case, as_case
-from lacsolver.doubts.rules import check
+from lacsolver.doubts.rules import Doubts
 from lacsolver.matrices import ContactMatrices, matrices_of
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
@@ -113,7 +113,7 @@ def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float 
     if t is not None and not t >= 0:
         raise RequestError(f"t is a time of the steps, which begin at 0, not {t:g}")
     problem = Problem.of(case, mesh_of(case, mesh))
-    check(problem, "matrices")
+    Doubts(problem).ask("matrices")
     t = case.steps.last if t is None else t
     none = np.zeros(problem.space.n_dof)
     K = csr_array(problem.kinematics.tangent(none, t))

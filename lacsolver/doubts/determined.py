@@ -32,9 +32,8 @@ from lacsolver.doubts.run import Doubt, Run
 from lacsolver.problem.pair import ContactPair
 from lacsolver.space.space import Space
 
-#: slaves this much stiffer than their master, in modulus over size, are warned of; such as these have been seen to
-#: have alternating pressures, and are named as the cause where these are found
-STIFFER, ALTERNATING = 5.0, 2.0
+#: slaves this much stiffer than their master, in modulus over size, are named as the cause of alternating pressures
+STIFFER = 2.0
 #: square of the sine of the least angle at which a free direction may stand to the normal's plane
 _FREE = 0.01
 #: entries of a contact row below this part of its largest are round-off
@@ -72,23 +71,6 @@ def undetermined(run: Run) -> Iterator[Doubt]:
         judgement = judged(pair, _facing(run, pair), run.space, parts.constraints, parts.materials)
         if not judgement.determined:
             yield Doubt(_refusal(pair, judgement, run.space, parts.constraints), pair.record, fatal=True)
-
-
-def stiffer(run: Run) -> Iterator[Doubt]:
-    """Doubt slaves that are stiffer than their masters and have finer faces."""
-    parts = run.parts
-    for pair in run.pairs:
-        if parts.constraints is None or parts.materials is None:
-            continue
-        face = _facing(run, pair)
-        ratio = judged(pair, face, run.space, parts.constraints, parts.materials).ratio
-        stiff = ratio >= STIFFER
-        if finer(pair, face, stiff, parts.constraints):
-            record, times = pair.record, float(np.median(ratio[stiff]))
-            message = f"{record.SECTION.name} {record.name!r}: slave {record.slave!r} is stiffer than master "
-            message += f"{record.master!r} and has finer faces (modulus over size is {times:.3g} times as large, and "
-            message += "there are more macro-elements than opposite nodes of the master): pressures may alternate"
-            yield Doubt(f"{message}; exchange slave and master, or refine the master", record)
 
 
 def judged(

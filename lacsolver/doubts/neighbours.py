@@ -24,7 +24,7 @@ from lacmesh.surface import Surface
 from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.case import Contact
 from lacsolver.contact import Zone
-from lacsolver.doubts.determined import ALTERNATING, finer, judged
+from lacsolver.doubts.determined import STIFFER, finer, judged
 from lacsolver.doubts.run import Doubt, Run
 from lacsolver.equilibrium.state import CONTACT
 
@@ -86,7 +86,7 @@ def alternating(run: Run) -> Iterator[Doubt]:
             continue
         face = pair.integrate(problem.space, state.u, state.time)
         judgement = judged(pair, face, problem.space, problem.constraints, problem.materials)
-        poor = finer(pair, face, judgement.lacking | (judgement.ratio >= ALTERNATING), problem.constraints)
+        poor = finer(pair, face, judgement.lacking | (judgement.ratio >= STIFFER), problem.constraints)
         record = pair.record
         message = f"pressures of {record.SECTION.name} {pair.name!r} alternate: they differ by "
         if poor:

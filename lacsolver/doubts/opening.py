@@ -20,7 +20,7 @@ from lacsolver.contact.faces import tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.shear import integrals
 from lacsolver.distributed.share import Share
-from lacsolver.doubts.run import Doubt, Run, Watching
+from lacsolver.doubts.run import Doubt, Run
 from lacsolver.problem.pair import ContactPair
 
 #: gap, of a macro-element's size, below which it is that of flat faces on curved skins
@@ -29,14 +29,11 @@ _SMALL = 0.05
 _MUCH = 0.1
 
 
-def opening_angles(pair: ContactPair, face: Interface, share: Share) -> NDArray[np.floating] | None:
+def opening_angles(face: Interface, share: Share) -> NDArray[np.floating]:
     """Return the angle (m,) between the mean normals of slave and master over each macro-element, in radians.
 
-    `face`: interface of the undeformed skins. 0 where the gap is small; None for a pair without friction, and for one
-    that is paired again on deformed skins.
+    `face`: interface of the undeformed skins. 0 where the gap is small.
     """
-    if pair.moving or not pair.pairing.friction:
-        return None
     points = face.points  # with the normals of faces, as the direction of contact is the master's where this is plane
     own = unit(normals_of(tangents(face.slave, points.slave, points.xi_slave)))
     other = unit(normals_of(tangents(face.master, points.master, points.xi_master)))
@@ -45,31 +42,29 @@ def opening_angles(pair: ContactPair, face: Interface, share: Share) -> NDArray[
     return np.where(face.gap > _SMALL * face.length, 2 * np.arcsin(np.minimum(apart / 2, 1.0)), 0.0)
 
 
-class Opening(Watching):
-    """Doubts friction that is inexact at the end, as a gap closed at an angle."""
-
-    def __init__(self, run: Run) -> None:
-        self._angles = {pair.name: opening_angles(pair, run.face(pair), run.space.share) for pair in run.pairs}
-
-    def __call__(self, run: Run) -> Iterator[Doubt]:
-        """Yield a doubt about each pair, with its pressures at the end."""
-        for pair, zone in run.zones:
-            angles, bounds = self._angles[pair.name], pair.bounds(run.space, run.state.time)
-            if angles is not None and bounds is not None:
-                yield from _inexact(pair, angles, bounds, zone.pressure)
+def closed_at_an_angle(run: Run) -> Iterator[Doubt]:
+    """Doubt friction that is inexact at the end, as a gap closed at an angle."""
+    for pair, zone in run.zones:
+        bounds = pair.bounds(run.space, run.state.time)
+        if bounds is not None:
+            yield from _inexact(run, pair, bounds, zone.pressure)
 
 
-def may_open(run: Run) -> Iterator[Doubt]:
+def may_close_at_an_angle(run: Run) -> Iterator[Doubt]:
     """Doubt friction that would be inexact wherever a gap closed, under a pressure of 1."""
     for pair in run.pairs:
-        angles, bounds = opening_angles(pair, run.face(pair), run.space.share), pair.bounds(run.space, run.start)
-        if angles is not None and bounds is not None:
-            none, infinite = np.where(bounds.friction > 0, 0.0, np.inf), np.full(len(angles), np.inf)
-            yield from _inexact(pair, angles, bounds._replace(cohesion=none, limit=infinite), np.ones(len(angles)))
+        bounds = pair.bounds(run.space, run.start)
+        if bounds is not None:
+            p = np.ones(pair.zone.n_macros)
+            coulomb = bounds._replace(cohesion=np.where(bounds.friction > 0, 0.0, np.inf), limit=np.inf * p)
+            yield from _inexact(run, pair, coulomb, p)
 
 
-def _inexact(pair: ContactPair, angles: Floats, bounds: Bounds, p: Floats) -> Iterator[Doubt]:
-    """Yield a doubt if friction may be off by much somewhere, at angles (m,) and pressures p (m,)."""
+def _inexact(run: Run, pair: ContactPair, bounds: Bounds, p: Floats) -> Iterator[Doubt]:
+    """Yield a doubt if friction may be off by much somewhere under pressures p (m,)."""
+    if pair.moving:  # paired again on deformed skins
+        return
+    angles = opening_angles(run.face(pair), run.space.share)
     bound = bounds.at(p)[0]
     part = np.divide(p * angles, bound, out=np.zeros_like(p), where=bound > 0)
     if part.max(initial=0.0) > _MUCH:

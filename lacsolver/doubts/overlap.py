@@ -36,6 +36,7 @@ _DOUBTED = 0.1
 _WIDE = 0.1
 #: fraction of a slave that a master should be in front of
 _HALF = 0.5
+_FACES = "check which groups these are and that their faces turn outward"
 
 
 # ---- values of the undeformed pairs
@@ -82,8 +83,7 @@ def facing(run: Run) -> Iterator[Doubt]:
     for pair in run.pairs:
         if not pair.moving and not pair.above_threshold(run.face(pair)).any():
             message = f"no face of slave {pair.record.slave!r} has master {pair.record.master!r} in front of it"
-            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
-            yield Doubt(named(f"{message}; {advice}", "no-coverage"), pair.record, fatal=True)
+            yield Doubt(named(f"{message}; {_FACES}, or raise search_distance", "no-coverage"), pair.record, fatal=True)
 
 
 def across_a_gap(run: Run) -> Iterator[Doubt]:
@@ -117,7 +117,7 @@ def overlapping(run: Run) -> Iterator[Doubt]:
         depth = np.minimum(-points.gap, -face.distance)  # with a negative clearance that of the mesh, else what is left
         ratio = np.divide(depth, size, out=np.zeros_like(depth), where=size > 0)
         worst = float(ratio.max(initial=0.0))
-        if worst <= _DOUBTED or worst < space.share.largest(worst):
+        if not _DOUBTED < space.share.largest(worst) <= worst:
             continue
         k = int(ratio.argmax())
         place = ", ".join(space.told(positions(face.slave, points)[k] + space.origin))
@@ -145,7 +145,7 @@ def _scarcely_covered(pair: ContactPair, part: float) -> Iterator[Doubt]:
 
 
 class Covered(Watching):
-    """Doubts pairs that are paired again, with a master in front of a small part of the slave in all steps.
+    """Doubts pairs that are paired again, with a master in front of a small part of the slave in all steps, or of none.
 
     A ball that touches a plane has most of its skin away from it, as it should: a contact is covered.
     """
@@ -156,34 +156,19 @@ class Covered(Watching):
     def look(self, run: Run) -> None:
         """Keep the largest part of each slave that is covered, 1 once it has been in contact."""
         for pair, zone in run.zones:
-            if pair.moving:
+            if pair.moving and (zone.status != UNPAIRED).any():
                 touches = (zone.status >= CONTACT).any()
                 part = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
                 self._part[pair.name] = max(self._part[pair.name], part)
 
     def __call__(self, run: Run) -> Iterator[Doubt]:
-        """Yield a doubt about each slave that was scarcely covered."""
-        for pair in run.pairs:
-            yield from _scarcely_covered(pair, self._part.get(pair.name, 0.0))
-
-
-class NeverFacing(Watching):
-    """Doubts pairs whose slave had no master in front of it at any step."""
-
-    def __init__(self, run: Run) -> None:
-        self._faced: set[str] = set()
-
-    def look(self, run: Run) -> None:
-        """Keep the pairs with a macro-element that is paired."""
-        self._faced |= {pair.name for pair, zone in run.zones if (zone.status != UNPAIRED).any()}
-
-    def __call__(self, run: Run) -> Iterator[Doubt]:
-        """Yield a doubt about each pair that was never paired."""
+        """Yield a doubt about each slave that was scarcely covered, or never."""
         for pair, _ in run.zones:
-            if pair.name not in self._faced:
+            part = self._part.get(pair.name, 1.0)
+            yield from _scarcely_covered(pair, part)
+            if part == 0.0:
                 message = f"slave {pair.record.slave!r} never had master {pair.record.master!r} in front of it"
-                advice = "check which groups these are and that their faces turn outward, or raise search_distance"
-                yield Doubt(f"{message}; {advice}", pair.record)
+                yield Doubt(f"{message}; {_FACES}, or raise search_distance", pair.record)
 
 
 # ---- depth in a body

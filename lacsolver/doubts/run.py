@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.case.entry import Entry
 from lacsolver.contact import Interface
-from lacsolver.equilibrium.state import CONTACT, State, ZoneState
+from lacsolver.equilibrium.state import State, ZoneState
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts
-from lacsolver.results.results import Restart
 from lacsolver.space.space import Space
 
 
@@ -30,37 +29,22 @@ class Doubt(NamedTuple):
     fatal: bool = False
 
 
-class Before(NamedTuple):
-    """What rules know of the state before a step.
-
-    `touched`: macro-elements (n,) in contact, by zone; `rigid`: motion of each rigid body, none before the first step.
-    """
-
-    touched: Mapping[str, NDArray[np.bool_]]
-    rigid: Mapping[str, Floats]
-
-    @classmethod
-    def of(cls, state: State | Restart) -> Self:
-        """Return what is known of a state."""
-        zones = state.zones if isinstance(state, State) else ()
-        status = state.status if isinstance(state, Restart) else {zone.name: zone.status for zone in zones}
-        return cls({name: own >= CONTACT for name, own in status.items()}, state.rigid)
-
-
 @dataclass
 class Run:
     """A run between two steps.
 
     `parts`: its problem; of a validation, the parts that could be built. `pairs`: those that rules look at. `faces`:
     their interfaces in the undeformed configuration, by name, as far as a rule has asked. `last`: the last converged
-    state; `before`: what is known of the one before it.
+    state. Of the one before it, `touched`: macro-elements (n,) in contact, by zone; `rigid`: motion of each rigid body,
+    none before the first step.
     """
 
     parts: Problem | ProblemParts
     pairs: Sequence[ContactPair]
     faces: dict[str, Interface] = field(default_factory=dict)
     last: State | None = None
-    before: Before = field(default_factory=lambda: Before({}, {}))
+    touched: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    rigid: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def problem(self) -> Problem:
@@ -113,22 +97,3 @@ class Watching:
     def __call__(self, run: Run) -> Iterator[Doubt]:
         """Yield the doubts about a run."""
         yield from ()
-
-
-class FirstOf(Watching):
-    """A rule for each step, of which the first doubt is what is told at the end."""
-
-    def __init__(self, run: Run) -> None:
-        self._first: Doubt | None = None
-
-    def look(self, run: Run) -> None:
-        """Keep the first doubt about a step."""
-        self._first = self._first or next(self.of_step(run), None)
-
-    def of_step(self, run: Run) -> Iterator[Doubt]:
-        """Yield the doubts about the last step."""
-        raise NotImplementedError
-
-    def __call__(self, run: Run) -> Iterator[Doubt]:
-        """Yield the first doubt about a step."""
-        yield from () if self._first is None else (self._first,)

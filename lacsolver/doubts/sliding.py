@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lacsolver.doubts.run import Doubt, FirstOf, Run
+from lacsolver.doubts.run import Doubt, Run
 from lacsolver.equilibrium.state import CONTACT, SLIDES
 
 #: part of the friction of a zone that such macro-elements carry
@@ -32,37 +32,31 @@ def touching_at_start(run: Run) -> dict[str, NDArray[np.bool_]]:
     return out
 
 
-class ClosedAndSlid(FirstOf):
-    """Doubts friction of macro-elements that closed and slid in one step."""
+def closed_and_slid(run: Run) -> Iterator[Doubt]:
+    """Doubt friction of macro-elements that closed and slid in the last step."""
+    for pair, zone in run.zones:
+        before = run.touched.get(zone.name)
+        if zone.friction is None or before is None:
+            continue
+        new = (zone.status == SLIDES) & ~before
+        carried = np.linalg.norm(zone.friction.shear, axis=1) * zone.area * zone.coverage
+        if carried[new].sum() > _MUCH * carried.sum():
+            part = f"{int(new.sum())} of {int((zone.status >= CONTACT).sum())} macro-elements"
+            message = f"friction of {zone.name!r} depends on the load path: {part} closed and slid in one step, "
+            message += f"at time {run.state.time:.6g}; compare with twice as many steps"
+            yield Doubt(message, pair.record)
 
-    def of_step(self, run: Run) -> Iterator[Doubt]:
-        """Yield a doubt about each zone of the last state."""
+
+def turned_far(run: Run) -> Iterator[Doubt]:
+    """Doubt friction of rigid bodies that turned far in the last step and slid, or so far that slip is not seen."""
+    problem, state = run.problem, run.state
+    for body in problem.constraints.rigid if problem.kinematics.finite else ():
+        moved = state.rigid[body.name] - run.rigid.get(body.name, 0.0)
+        angle = float(np.linalg.norm(moved[problem.space.dim :]))
         for pair, zone in run.zones:
-            before = run.before.touched.get(zone.name)
-            if zone.friction is None or before is None:
-                continue
-            new = (zone.status == SLIDES) & ~before
-            carried = np.linalg.norm(zone.friction.shear, axis=1) * zone.area * zone.coverage
-            if carried[new].sum() > _MUCH * carried.sum():
-                part = f"{int(new.sum())} of {int((zone.status >= CONTACT).sum())} macro-elements"
-                message = f"friction of {zone.name!r} depends on the load path: {part} closed and slid in one step, "
-                message += f"at time {run.state.time:.6g}; compare with twice as many steps"
-                yield Doubt(message, pair.record)
-
-
-class TurnedFar(FirstOf):
-    """Doubts friction of rigid bodies that turn far in a step and slide, or so far that slip is not seen."""
-
-    def of_step(self, run: Run) -> Iterator[Doubt]:
-        """Yield a doubt about each pair of a rigid body and a zone of the last state."""
-        problem, state = run.problem, run.state
-        for body in problem.constraints.rigid if problem.kinematics.finite else ():
-            moved = state.rigid[body.name] - run.before.rigid.get(body.name, 0.0)
-            angle = float(np.linalg.norm(moved[problem.space.dim :]))
-            for pair, zone in run.zones:
-                skins = [skin.faces.distinct_nodes for skin in (pair.zone.slave, pair.zone.master)]
-                rubs = zone.friction is not None and np.isin(np.concatenate(skins), body.nodes).any()
-                if rubs and angle > _FAR * (1 + 1e-6) and (angle > np.pi or (zone.status == SLIDES).any()):
-                    message = f"friction of {zone.name!r} measures slip in straight lines, and {body.name!r} turns by "
-                    message += f"{angle:.3g} radians in the step to time {state.time:.6g}"
-                    yield Doubt(f"{message}; take steps that turn it by {_FAR:g} at most", pair.record)
+            skins = [skin.faces.distinct_nodes for skin in (pair.zone.slave, pair.zone.master)]
+            rubs = zone.friction is not None and np.isin(np.concatenate(skins), body.nodes).any()
+            if rubs and angle > _FAR * (1 + 1e-6) and (angle > np.pi or (zone.status == SLIDES).any()):
+                message = f"friction of {zone.name!r} measures slip in straight lines, and {body.name!r} turns by "
+                message += f"{angle:.3g} radians in the step to time {state.time:.6g}"
+                yield Doubt(f"{message}; take steps that turn it by {_FAR:g} at most", pair.record)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.mesh import Floats, MeshLike
 from lacsolver.case import Case, Dynamics, as_case
-from lacsolver.doubts.rules import check
+from lacsolver.doubts.rules import Doubts
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear import SingularError, choose
 from lacsolver.problem.inertia import Inertia
@@ -66,7 +66,7 @@ def natural_modes(
         raise RequestError("a problem has its mesh; give the number of modes by its name, count=")
     problem = case if isinstance(case, Problem) else _problem(as_case(case), mesh)
     _check_alone(problem)
-    check(problem, "matrices")
+    Doubts(problem).ask("matrices")
     model = ReducedProblem(problem)
     lin = LinearisedProblem.of(model, at)
     inertia = _inertia(problem, mass)

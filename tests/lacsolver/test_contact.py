@@ -19,7 +19,7 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import box, rectangle
 from lacmesh.generate import stack as stacked
 from lacsolver.case import CaseError, Displacement, Material, Pretension, Steps, Temperature, Tie, Traction, Value
-from lacsolver.doubts.dipping import Dipping
+from lacsolver.doubts.dipping import dips
 from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.output import create_output
@@ -301,7 +301,7 @@ def test_an_edge_that_dips_into_its_master_is_warned_of():
     (zone,) = state.zones
     dip = np.where(np.arange(len(zone.area)) == 1, 0.25, 0.05)
     run = Run(problem, problem.joints, last=replace(state, zones=(replace(zone, dip=dip),)))
-    (doubt,) = Dipping(run).of_step(run)
+    (doubt,) = dips(run)
     assert "is inside its master by" in doubt.text and "25 % of a macro-element" in doubt.text
 
 

@@ -88,7 +88,7 @@ def case_on(mesh, model, poisson, law="elastic", **keys):
 def told_of(mesh, *given, **keys):
     """The warnings of validation, and of the problem of a run, which are the same."""
     case, told = case_on(mesh, *given, **keys), []
-    for read in (lambda: validate(case), lambda: Doubts(Problem.of(case))):
+    for read in (lambda: validate(case), lambda: Doubts(Problem.of(case)).ask("undeformed")):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             read()
