@@ -145,6 +145,49 @@ class ZoneState(Described):
     friction: ZoneFriction | None = None
     dip: Floats | None = None
 
+    @property
+    def shear(self) -> Floats | None:
+        """Traction of friction on the master (n, d - 1), along `friction.tangents`; None without friction."""
+        return None if self.friction is None else self.friction.shear
+
+    @property
+    def shear_vector(self) -> Floats | None:
+        """Traction of friction on the master as a vector of space (n, d)."""
+        return None if self.friction is None else self.friction.in_space(self.friction.shear)
+
+    @property
+    def slip(self) -> Floats | None:
+        """Mean slip of the step (n, d - 1), along `friction.tangents`."""
+        return None if self.friction is None else self.friction.slip
+
+    @property
+    def slip_vector(self) -> Floats | None:
+        """Mean slip of the step as a vector of space (n, d)."""
+        return None if self.friction is None else self.friction.in_space(self.friction.slip)
+
+    @property
+    def path(self) -> Floats | None:
+        """Length slipped so far (n,)."""
+        return None if self.friction is None else self.friction.path
+
+    @property
+    def use(self) -> Floats | None:
+        """Traction of friction over its bound (n,), 1 where it slides."""
+        return None if self.friction is None else self.friction.use
+
+    @property
+    def dissipation(self) -> Floats | None:
+        """Energy per area that friction has taken so far (n,)."""
+        return None if self.friction is None else self.friction.dissipation
+
+    @property
+    def of_friction(self) -> dict[str, Floats]:
+        """Values of friction by name, a row for each macro-element, vectors in space; {} without friction."""
+        if self.friction is None:
+            return {}
+        vectors = {name: self.friction.in_space(getattr(self.friction, name)) for name in ("shear", "slip")}
+        return vectors | {name: getattr(self.friction, name) for name in ("path", "use", "dissipation")}
+
 
 class Held(NamedTuple):
     """A rigid-body motion that only contact constrains, in `words`.

@@ -84,15 +84,17 @@ def _zone_of_ring(zone: ZoneFields, mesh: Mesh, whole: Mesh, turns: Sequence[Tur
     size = np.diff(mesh.offsets)[block]
     cell = np.concatenate([surface.cell + (k - 1) * mesh.offsets[block] + i * size for i in range(k)])
     skin = replace(surface, x=whole.points, faces=faces, cell=cell, depth=np.tile(surface.depth, k), height=None)
-    repeated = ("number", "pressure", "recovered", "gap", "status", "coverage", "area", "pressure_recovered")
+    names = ("number", "pressure", "recovered", "gap", "status", "coverage", "area", "dip", "pressure_recovered")
+    repeated: dict[str, Any] = {name: np.tile(getattr(zone, name), k) for name in names}
+    turned: dict[str, Any] = {name: _vectors(getattr(zone, name), turns) for name in ("normal", "traction", "force")}
     centre = np.pad(zone.centre, ((0, 0), (0, 3 - zone.centre.shape[1])))
+    repeated["dip"] = None if zone.dip is None else repeated["dip"]
     return replace(
         zone, surface=skin, macro=_numbered(zone.macro, k, len(zone.status)),
         centre=np.concatenate([turn.places(centre) for turn in turns])[:, : zone.centre.shape[1]],
-        normal=_vectors(zone.normal, turns), contact_force=_vectors(zone.contact_force, turns),
         shear_recovered=None if zone.shear_recovered is None else _vectors(zone.shear_recovered, turns),
         friction=None if zone.friction is None else _friction_of_ring(zone.friction, turns),
-        **{name: np.tile(getattr(zone, name), k) for name in repeated},
+        **repeated, **turned,
     )  # fmt: skip
 
 

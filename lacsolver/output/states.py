@@ -35,7 +35,7 @@ from lacsolver.results.whole import Order, grows
 from lacsolver.space.space import Space
 
 #: raised when the meaning of a file's data changes; 4: fields and what a restart needs in one file
-VERSION = 4
+VERSION = 5
 OLDER = "is of an older lacsolver, whose files hold other things; run the case again from its start"
 _RESTART, _FIELDS = "restart", "fields"
 
@@ -111,7 +111,7 @@ def _nodal(fields: Fields) -> Iterator[str]:
     for name in ("displacement", "stress", "reaction", "velocity", "acceleration", "plastic_strain"):
         yield f"{_FIELDS}.{name}"
     for k in range(len(fields.zones)):
-        for name in ("contact_force", "pressure_recovered", "shear_recovered"):
+        for name in ("force", "pressure_recovered", "shear_recovered"):
             yield f"{_FIELDS}.zones.{k}.{name}"
 
 

@@ -55,4 +55,7 @@ def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, state: State) ->
             slave, pair.zone.macro, t, pressures, zone.status, bounds, axisymmetric=round_, coverage=zone.coverage
         )
     undeformed = pair.zone.slave.at(problem.space.mesh.points)
-    return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal, shear)
+    return ZoneFields(
+        **vars(zone), surface=undeformed, macro=pair.zone.macro, number=pair.zone.number, recovered=mean,
+        pressure_recovered=nodal, shear_recovered=shear,
+    )  # fmt: skip

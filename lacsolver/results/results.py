@@ -20,7 +20,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.constraints.coupling import CouplingState
 from lacsolver.constraints.pretension import SectionForces
-from lacsolver.equilibrium.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
+from lacsolver.equilibrium.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneState
 from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.resultants import Resultant
 
@@ -187,14 +187,14 @@ class Results(Described):
             raise ValueError(f"status is one of {', '.join(STATUSES)}, not {self.status!r}")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ZoneFields(Described):
-    """Fields of a zone at one time, on the slave skin; arrays (n,) have one row per macro-element, as in `ZoneState`.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ZoneFields(ZoneState):
+    """Fields of a zone at one time: its state, and what is recovered of it on the slave skin.
 
     `surface`: the slave's faces; `macro` (n_faces,): row of each face's macro-element, -1 for none. `number` (n,):
-    number of each macro-element (`lac_macro` of the mesh). `recovered`: mean of the recovered pressure over each.
-    `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
-    off the slave, and with friction `shear_recovered` (n_nodes, d), the continuous traction of friction on the master.
+    number of each macro-element (`lac_macro` of the mesh). `recovered` (n,): mean of the recovered pressure over each.
+    On the mesh's nodes: `pressure_recovered` (n_nodes,), NaN off the slave, and with friction `shear_recovered`
+    (n_nodes, d), the continuous traction of friction on the master.
 
     >>> import lacsolver as ls
     >>> from lacmesh import example
@@ -206,71 +206,19 @@ class ZoneFields(Described):
     surface: Surface
     macro: Ints
     number: Ints
-    pressure: Floats
     recovered: Floats
-    gap: Floats
-    status: Ints
-    coverage: Floats
-    area: Floats
-    centre: Floats
-    normal: Floats
-    contact_force: Floats
     pressure_recovered: Floats
-    friction: ZoneFriction | None = None
     shear_recovered: Floats | None = None
 
     @property
-    def shear(self) -> Floats | None:
-        """Traction of friction on the master (n, d - 1), along `friction.tangents`; None without friction."""
-        return None if self.friction is None else self.friction.shear
-
-    @property
-    def shear_vector(self) -> Floats | None:
-        """Traction of friction on the master as a vector of space (n, d)."""
-        return None if self.friction is None else self.friction.in_space(self.friction.shear)
-
-    @property
-    def slip(self) -> Floats | None:
-        """Mean slip of the step (n, d - 1), along `friction.tangents`."""
-        return None if self.friction is None else self.friction.slip
-
-    @property
-    def slip_vector(self) -> Floats | None:
-        """Mean slip of the step as a vector of space (n, d)."""
-        return None if self.friction is None else self.friction.in_space(self.friction.slip)
-
-    @property
-    def path(self) -> Floats | None:
-        """Length slipped so far (n,)."""
-        return None if self.friction is None else self.friction.path
-
-    @property
-    def use(self) -> Floats | None:
-        """Traction of friction over its bound (n,), 1 where it slides."""
-        return None if self.friction is None else self.friction.use
-
-    @property
-    def dissipation(self) -> Floats | None:
-        """Energy per area that friction has taken so far (n,)."""
-        return None if self.friction is None else self.friction.dissipation
-
-    @property
-    def of_friction(self) -> dict[str, Floats]:
-        """Values of friction by name, a row for each macro-element, vectors in space; {} without friction."""
-        if self.friction is None:
-            return {}
-        vectors = {name: self.friction.in_space(getattr(self.friction, name)) for name in ("shear", "slip")}
-        return vectors | {name: getattr(self.friction, name) for name in ("path", "use", "dissipation")}
-
-    @property
-    def force(self) -> Floats:
-        """Contact force (n_nodes, d) on each node of slave and master: `contact_force`."""
-        return self.contact_force
+    def contact_force(self) -> Floats:
+        """Contact force (n_nodes, d) on each node of slave and master: `force`."""
+        return self.force
 
     @property
     def resultant(self) -> Floats:
         """Resultant (d,) of the contact forces on the slave."""
-        total: Floats = self.contact_force[self.surface.faces.distinct_nodes].sum(axis=0)
+        total: Floats = self.force[self.surface.faces.distinct_nodes].sum(axis=0)
         return total
 
     def _title(self) -> str:
@@ -289,26 +237,6 @@ class ZoneFields(Described):
             sticks, slides = ((self.status == status).sum() for status in (CONTACT, SLIDES))
             facts["friction"] = f"{sticks:,} stick, {slides:,} slide; shear, slip, path, use, dissipation"
         return facts | {"also": "status, coverage, centre, normal, force, surface, macro, number"}
-
-    @classmethod
-    def of(
-        cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats,
-        shear: Floats | None = None,
-    ) -> ZoneFields:  # fmt: skip
-        """Make the fields of a zone's state; `nodal` is `pressure_recovered`, `shear` `shear_recovered`."""
-        names = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
-        of_state = {name: getattr(state, name) for name in names}
-        return cls(
-            surface,
-            macro,
-            number,
-            recovered=recovered,
-            contact_force=state.force,
-            pressure_recovered=nodal,
-            friction=state.friction,
-            shear_recovered=shear,
-            **of_state,
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -110,7 +110,10 @@ def zone_fields(space, time, k=0):
     slave = np.unique(surface.faces.nodes[surface.faces.nodes >= 0])
     nodal[slave] = time * mesh.points[slave, 0]
     rows = np.arange(float(n))
-    return ZoneFields.of(zone_state(space, time, k), surface, macro, np.arange(n) + 100 * k, time * (rows + 0.5), nodal)
+    return ZoneFields(
+        **vars(zone_state(space, time, k)), surface=surface, macro=macro, number=np.arange(n) + 100 * k,
+        recovered=time * (rows + 0.5), pressure_recovered=nodal,
+    )  # fmt: skip
 
 
 def zone_state(space, time, k=0):
