@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,61 +41,43 @@ _ROUNDING = 1e-9
 Bools = NDArray[np.bool_]
 
 
-class Judgement(NamedTuple):
-    """Macro-elements (m,) of a pair that have a master in front of them, by what determines their pressures.
-
-    `lacking`: those without a free internal dof, and `nodes`: the number of free nodes and motions that determine their
-    pressures. `ratio` (m,): modulus over size of the slave to that of the master; 0 where it does not count.
-    """
-
-    lacking: Bools
-    nodes: int
-    ratio: Floats
-
-    @property
-    def determined(self) -> bool:
-        """True if the pressures of all macro-elements can be determined."""
-        return int(self.lacking.sum()) <= self.nodes
-
-
 def undetermined(run: Run) -> Iterator[Doubt]:
     """Refuse pairs with pressures that nothing determines.
 
     Rigid bodies on rigid bodies are not judged: whether anything holds them is checked elsewhere.
     """
-    parts = run.parts
+    constraints = run.parts.constraints
     for pair in run.pairs:
-        if parts.constraints is None or parts.materials is None or own_free(pair, run.space, parts.constraints).all():
+        if constraints is None or own_free(pair, run.space, constraints).all():
             continue
-        judgement = judged(pair, _facing(run, pair), run.space, parts.constraints, parts.materials)
-        if not judgement.determined:
-            yield Doubt(_refusal(pair, judgement, run.space, parts.constraints), pair.record, fatal=True)
+        lacking, nodes = lacking_dofs(pair, _facing(run, pair), run.space, constraints)
+        if lacking.sum() > nodes:
+            yield Doubt(_refusal(pair, lacking, nodes, run.space, constraints), pair.record, fatal=True)
 
 
-def judged(
-    pair: ContactPair, face: Interface, space: Space, constraints: Constraints, materials: Materials
-) -> Judgement:
-    """Return the judgement of a pair with its interface in some configuration."""
-    met, free = face.w > 0, own_free(pair, space, constraints)
-    lacking = met & ~free & (not pair.law.yields)
-    columns = _columns(face, lacking, constraints)
-    if not len(columns[0]):  # rigid on rigid
+def lacking_dofs(pair: ContactPair, face: Interface, space: Space, constraints: Constraints) -> tuple[Bools, int]:
+    """Return a mask (m,) of macro-elements with a master in front of them, and without a free internal dof.
+
+    And the number of free nodes and motions that determine their pressures.
+    """
+    lacking = (face.w > 0) & ~own_free(pair, space, constraints) & (not pair.law.yields)
+    nodes, motions = _columns(face, lacking, constraints)
+    if not len(nodes):  # rigid on rigid
         lacking[:] = False
-    stiffness, give = _own_stiffness(pair, free, space, constraints, materials)
-    share, weight = space.share, face.weight
-    there = share.total(np.bincount(face.points.macro, weight * give[face.points.master], len(met)).astype(float))
-    mean = np.divide(there, face.w, out=np.zeros(len(met)), where=met)
-    ratio = np.where(met & ~lacking, np.nan_to_num(stiffness * mean, posinf=0.0), 0.0)
-    return Judgement(lacking, sum(map(len, columns)), ratio)
+    return lacking, len(nodes) + len(motions)
 
 
-def finer(pair: ContactPair, face: Interface, chosen: Bools, constraints: Constraints) -> bool:
-    """True if there are more of these macro-elements (m,) than free nodes of the master in front of them."""
-    if not chosen.any():
-        return False
-    ours = pair.zone.slave.faces.nodes
-    nodes, _ = _columns(face, chosen, constraints)
-    return int(chosen.sum()) > len(np.setdiff1d(nodes, ours))
+def stiffer_and_finer(run: Run, pair: ContactPair) -> bool:
+    """True if a stiffer slave has more macro-elements than the master has free nodes in front of them, at the end."""
+    problem, constraints, space = run.problem, run.problem.constraints, run.space
+    face = pair.integrate(space, run.state.u, run.state.time)
+    lacking, _ = lacking_dofs(pair, face, space, constraints)
+    stiffness, give = _own_stiffness(pair, own_free(pair, space, constraints), space, constraints, problem.materials)
+    counts = np.bincount(face.points.macro, face.weight * give[face.points.master], len(face.w)).astype(float)
+    mean = np.divide(space.share.total(counts), face.w, out=np.zeros_like(face.w), where=face.w > 0)
+    chosen = lacking | (np.nan_to_num(stiffness * mean, posinf=0.0) >= STIFFER)
+    nodes, _ = _columns(face, chosen, constraints) if chosen.any() else (np.empty(0, np.int64), None)
+    return bool(chosen.sum() > len(np.setdiff1d(nodes, pair.zone.slave.faces.nodes)))
 
 
 def own_free(pair: ContactPair, space: Space, constraints: Constraints) -> Bools:
@@ -202,14 +183,14 @@ def _facing(run: Run, pair: ContactPair) -> Interface:
     return integrate(pair.zone, space.dim, far, t=run.start, tie=pair.law.all_components, share=space.share)
 
 
-def _refusal(pair: ContactPair, judgement: Judgement, space: Space, constraints: Constraints) -> str:
+def _refusal(pair: ContactPair, lacking: Bools, nodes: int, space: Space, constraints: Constraints) -> str:
     """Return the message for a pair with pressures that nothing determines."""
     zone, record = pair.zone, pair.record
     owner = internal_nodes(zone, space.mesh.n_nodes)
-    without = np.flatnonzero(np.isin(owner, np.flatnonzero(judgement.lacking)))
+    without = np.flatnonzero(np.isin(owner, np.flatnonzero(lacking)))
     moved = [body.name for body in constraints.rigid if np.isin(without, body.nodes).any()]
     why = f"rigid body {moved[0]!r} moves them" if moved else "their displacement is prescribed"
-    message = f"{int(judgement.lacking.sum()):,} of {zone.n_macros:,} macro-elements of slave {record.slave!r} have no "
-    message += f"internal dof that is free, for {why}, and master {record.master!r} has only {judgement.nodes:,} free "
+    message = f"{int(lacking.sum()):,} of {zone.n_macros:,} macro-elements of slave {record.slave!r} have no "
+    message += f"internal dof that is free, for {why}, and master {record.master!r} has only {nodes:,} free "
     message += "nodes in front of them, which do not determine as many pressures"
     return named(f"{message}; exchange slave and master, or refine the master", "fixed-internal-dof")

@@ -24,7 +24,7 @@ from lacmesh.surface import Surface
 from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.case import Contact
 from lacsolver.contact import Zone
-from lacsolver.doubts.determined import STIFFER, finer, judged
+from lacsolver.doubts.determined import stiffer_and_finer
 from lacsolver.doubts.run import Doubt, Run
 from lacsolver.equilibrium.state import CONTACT
 
@@ -76,20 +76,15 @@ class Neighbours:
 
 def alternating(run: Run) -> Iterator[Doubt]:
     """Doubt contacts and ties whose pressures alternate at the end."""
-    problem, state = run.problem, run.last
     for pair, zone in run.zones:
-        assert state is not None
         near = Neighbours(pair.zone)
         part = 2 * near.roughness(zone.pressure)
         within = 0.0 if pair.tie else 2 * near.roughness(zone.pressure, near.inside(zone.status >= CONTACT))
         if max(part, within) <= _ALTERNATE:
             continue
-        face = pair.integrate(problem.space, state.u, state.time)
-        judgement = judged(pair, face, problem.space, problem.constraints, problem.materials)
-        poor = finer(pair, face, judgement.lacking | (judgement.ratio >= STIFFER), problem.constraints)
         record = pair.record
         message = f"pressures of {record.SECTION.name} {pair.name!r} alternate: they differ by "
-        if poor:
+        if stiffer_and_finer(run, pair):
             message += f"{100 * part:.0f} % from their neighbours' mean, a known effect where slave {record.slave!r} "
             message += f"has finer faces than master {record.master!r} and is stiffer for its size"
             yield Doubt(f"{message}; exchange slave and master, or refine the master", record)

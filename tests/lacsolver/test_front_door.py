@@ -214,6 +214,7 @@ def test_solve_contact_with_the_solver_of_another_program_and_in_any_numbering(d
     assert np.allclose(turned.u[place], found.u, atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:master .* is in front of")
 @pytest.mark.parametrize("clearance", [0.0, "0.01 * (1 - x) * t"])
 def test_matrices_of_a_case_are_those_of_its_solution(disc, clearance):
     """A ball on a block: the areas are those of full circles, since the case says so."""
