@@ -14,30 +14,20 @@ import warnings
 from collections.abc import Iterable, Iterator
 
 from lacmesh.errors import LacmeshWarning
-from lacsolver.doubts.crushed import Crushed
 from lacsolver.doubts.determined import undetermined
-from lacsolver.doubts.dipping import dips
-from lacsolver.doubts.energy import Energies, dissipation
 from lacsolver.doubts.held import beyond_a_cell, hardly_held
-from lacsolver.doubts.inertia import inertia
-from lacsolver.doubts.locking import locking
+from lacsolver.doubts.materials import Crushed, locking
+from lacsolver.doubts.motion import Energies, dissipation, inertia
 from lacsolver.doubts.neighbours import alternating, faceted
 from lacsolver.doubts.opening import closed_at_an_angle, may_close_at_an_angle
 from lacsolver.doubts.overlap import Covered, across_a_gap, covered, facing, inside, overlapping
 from lacsolver.doubts.run import Doubt, Rule, Run, Watching
 from lacsolver.doubts.sectors import beyond_sector, leaves_sector
-from lacsolver.doubts.sliding import closed_and_slid, touching_at_start, turned_far
+from lacsolver.doubts.steps import closed_and_slid, dips, folded, touching_at_start, turned_far
 from lacsolver.equilibrium.state import CONTACT, State
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.space.places import wrong
-
-
-def folded(run: Run) -> Iterator[Doubt]:
-    """Yield a doubt about cells that the last step has folded, of which the solver knows."""
-    if run.state.folded:
-        yield Doubt(run.state.folded)
-
 
 WHEN: dict[str, list[Rule | type[Watching]]] = {
     "undeformed": [

@@ -19,8 +19,8 @@ from lacmesh.cells import CELLS
 from lacmesh.generate import box, rectangle
 from lacmesh.generate import stack as stacked
 from lacsolver.case import CaseError, Displacement, Material, Pretension, Steps, Temperature, Tie, Traction, Value
-from lacsolver.doubts.dipping import dips
 from lacsolver.doubts.run import Run
+from lacsolver.doubts.steps import dips
 from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem

@@ -23,8 +23,7 @@ from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.plastic import Plastic
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material, Pressure, Solver, Steps, Temperature
-from lacsolver.doubts.crushed import LARGEST, most_compressed, softened, worse
-from lacsolver.doubts.locking import too_stiff
+from lacsolver.doubts.materials import LARGEST, most_compressed, softened, too_stiff, worse
 from lacsolver.doubts.rules import Doubts
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output

@@ -12,7 +12,7 @@ import lacsolver.equilibrium.stepping
 from benchmarks.common import blocks
 from lacmesh.errors import LacmeshError
 from lacsolver.cli.summary import print_summary
-from lacsolver.doubts.energy import doubtful_energy
+from lacsolver.doubts.motion import doubtful_energy
 from lacsolver.equilibrium.motion import ENERGIES
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem

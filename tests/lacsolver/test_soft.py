@@ -14,7 +14,7 @@ from lacsolver.case import CaseError, Dynamics, Initial, Material, Pressure, Rig
 from lacsolver.contact.curves import Exponential, Linear, Table
 from lacsolver.contact.damping import Damped
 from lacsolver.contact.laws import Bilateral, RowState
-from lacsolver.doubts.energy import doubtful_energy
+from lacsolver.doubts.motion import doubtful_energy
 from lacsolver.equilibrium.motion import CONTACT, ENERGIES, STORED
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from lacsolver.case import Solver, read_case
 from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
-from lacsolver.doubts.inertia import inertia
+from lacsolver.doubts.motion import inertia
 from lacsolver.doubts.run import Run
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
