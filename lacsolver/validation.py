@@ -151,6 +151,7 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
             if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:
                 problem = Problem(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
                 validation.motion, run.parts = motion_found(problem), problem
+        with validation.looking():
             _look_at_bodies(run, validation)
     validation.problems = list(dict.fromkeys(validation.problems))
     return validation
