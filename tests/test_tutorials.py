@@ -227,6 +227,7 @@ def test_the_step_file_is_its_scripts(tmp_path):
 # ---- the own solver
 
 
+@pytest.mark.filterwarnings("ignore:master .* is in front of")
 def test_the_own_solver_agrees_with_lacsolver():
     own = loaded("own_solver")
     path = REPOSITORY / "data" / "disc_on_block.msh"
