@@ -308,6 +308,7 @@ def script():
     return script
 
 
+@pytest.mark.filterwarnings("ignore:master .ball. is in front of")
 def test_a_ball_leaves_an_imprint(script, tmp_path, monkeypatch):
     """Pressed in, nearly the pressure of full plasticity; taken off, what stays is deeper than what comes back.
 

@@ -308,6 +308,7 @@ def test_the_last_bits_of_means_do_not_matter():
         np.testing.assert_allclose(scaled, 1e9 * one, rtol=1e-11)
 
 
+@pytest.mark.filterwarnings("ignore:pressures of contact .fit. alternate")
 def test_the_press_fit_of_data_is_even():
     """Its p_m alternate from 17 to 111, where Lame's pressure is 63.46 everywhere."""
     fields = lacsolver.solve(Path(__file__).parents[2] / "data" / "press_fit.toml").contact["fit"]
