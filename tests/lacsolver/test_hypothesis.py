@@ -112,6 +112,14 @@ def punched(stiff, n_slave, roles=("slave", "master")):
     return case(2, roles, TOP, **keys)
 
 
+@pytest.mark.parametrize("stiff, n_slave, said", [(10.0, 30, True), (1.0, 30, False), (10.0, 13, False)])
+def test_a_slave_stiffer_and_finer_than_its_master_is_named_as_the_cause(stiff, n_slave, said):
+    problem = problem_of(punched(stiff, n_slave))
+    *_, state = march(problem)
+    doubts = list(alternating(Run(problem, problem.joints, last=state)))
+    assert ["has finer faces" in one.text for one in doubts] == [True] * said
+
+
 def test_pressures_that_alternate_are_told_with_their_cause(tmp_path):
     """Twenty times as stiff, 30 faces over 13: peaks of twice the pressure; nothing is told with roles exchanged."""
     with pytest.warns(lacmesh.LacmeshWarning) as told:
