@@ -37,6 +37,11 @@ from tests.samples import each_option, samples
 from verification.exact.coulomb import condensed, lemke
 from verification.families import friction_bank
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:steps are too long for the energy"),
+    pytest.mark.filterwarnings("ignore:friction of .* depends on the load path"),
+]
+
 INF, POINTS = np.inf, 12
 MESHES = Path(__file__).parent / "meshes"
 
