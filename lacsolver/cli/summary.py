@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lacmesh.cli.terminal import print_table
+from lacsolver.equilibrium.motion import ENERGIES, STORED
 from lacsolver.output.summary import zone_content
 from lacsolver.output.words import force_in_words, vector_in_words, zone_rows
-from lacsolver.equilibrium.motion import ENERGIES, STORED
 
 if TYPE_CHECKING:
     from lacsolver.problem.resultants import Resultant

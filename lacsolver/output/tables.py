@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError, writing
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
+from lacsolver.equilibrium.state import ZoneFriction
 from lacsolver.output.names import HISTORY
 from lacsolver.results.results import StepFigures, ZoneFields
-from lacsolver.equilibrium.state import ZoneFriction
 
 #: two times are the same if they differ by less than this, relative to the larger
 SAME_TIME = 1e-9

@@ -26,6 +26,7 @@ from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.view import Values, check_renderer, image_of
 from lacsolver.case import Case
+from lacsolver.equilibrium.state import CONTACT, SLIDES
 from lacsolver.output.finished import FinishedRun
 from lacsolver.output.ring import fields_of_ring, sector_of
 from lacsolver.output.tables import same_time
@@ -43,7 +44,6 @@ from lacsolver.pictures.plane import along, draw_bodies, draw_faces, faces_as_li
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
 from lacsolver.results.results import Fields, ZoneFields
-from lacsolver.equilibrium.state import CONTACT, SLIDES
 from lacsolver.results.units import Units
 
 #: room above and below a curve, relative to the span of its scale

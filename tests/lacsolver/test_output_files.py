@@ -15,6 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.orders import MED_CELLS
 from lacmesh.formats.vtu import read_pvd
+from lacsolver.equilibrium.state import StepState
 from lacsolver.output import summary, tables
 from lacsolver.output.med import check_names, write_med
 from lacsolver.output.names import contact_stems
@@ -23,7 +24,6 @@ from lacsolver.output.tables import History
 from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields, Restart, Results, ZoneFigures
-from lacsolver.equilibrium.state import StepState
 from lacsolver.space.space import Space
 from tests.bad_input.case import small_files
 from tests.formats.med_peer import ask
