@@ -26,8 +26,8 @@ from lacsolver.contact import Interface
 from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
-from lacsolver.linear import Matrix, SingularError
 from lacsolver.equilibrium.state import Histories, StepState
+from lacsolver.linear import Matrix, SingularError
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.saddle import scaled

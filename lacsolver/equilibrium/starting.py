@@ -18,13 +18,13 @@ from lacmesh.mesh import Floats
 from lacsolver.equilibrium.attempt import attempt, first_iterate
 from lacsolver.equilibrium.balance_of_energy import kinetic, momentum, strain
 from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.motion import MotionState
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
+from lacsolver.equilibrium.state import Iterate, StepState
 from lacsolver.linear.krylov import conjugate_gradients
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.initial import fitted, initial_motion
-from lacsolver.equilibrium.motion import MotionState
-from lacsolver.equilibrium.state import Iterate, StepState
 
 #: step of the backward Euler method, relative to the first one
 _TINY = 1e-3
