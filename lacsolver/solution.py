@@ -25,7 +25,7 @@ from lacmesh import __version__
 from lacmesh.errors import RequestError
 from lacmesh.facts import ByName, Described
 from lacmesh.mesh import Mesh, MeshLike
-from lacsolver.bodies.small import weights
+from lacsolver.bodies.points import weights
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.constraints.pretension import SectionForces
 from lacsolver.doubts.rules import Doubts

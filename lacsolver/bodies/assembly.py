@@ -141,14 +141,14 @@ def add_cells(nodes: Any, L: Any, W: Any, P: Any, A: Any, mean: Any, kind: Any, 
         if wanted:
             for q in range(n_points):
                 _put(W[e, q], A[e, q], L[e, q], kind, G[q * n_rows : (q + 1) * n_rows])
-            _multiply(G, L[e].reshape(n_points * n_rows, n), n_points, K.reshape(n_pairs * n, n))
+            multiply(G, L[e].reshape(n_points * n_rows, n), K.reshape(n_pairs * n, n))
             if len(mean.b):
                 r[:] = 0.0
                 g[:] = 0.0
                 for q in range(n_points):
                     add_force(W[e, q], mean.R[e, q], L[e, q], kind, r)
                     add_force(W[e, q], mean.G[e, q], L[e, q], kind, g)
-                add_mean(r.T, g.T, mean.b[e], K)
+                add_mean(r, g, mean.b[e], K)
             sort_places(nodes, e, order)
         for a in range(n):
             if owner[nodes[e, a]] == mine:
@@ -201,31 +201,31 @@ def _put(W: float, A: Any, L: Any, kind: Any, G: Any) -> None:
 
 
 @kernel
-def _multiply(G: Any, L: Any, n_points: int, K: Any) -> None:
-    """Fill K = G^T L. A single point is summed without BLAS, whose call would cost more."""
-    if n_points > 1:
+def multiply(G: Any, L: Any, K: Any) -> None:
+    """Fill K = G^T L. The rows of a single point are summed without BLAS, whose call would cost more."""
+    if len(L) > 3:
         np.dot(G.T, L, K)
         return
     for r in range(K.shape[0]):
         for b in range(K.shape[1]):
-            K[r, b] = G[0, r] * L[0, b] + G[1, r] * L[1, b]
-    if len(L) == 3:
+            K[r, b] = G[0, r] * L[0, b]
+    for j in range(1, len(L)):
         for r in range(K.shape[0]):
             for b in range(K.shape[1]):
-                K[r, b] += G[2, r] * L[2, b]
+                K[r, b] += G[j, r] * L[j, b]
 
 
 @kernel
 def add_mean(r: Any, g: Any, b: float, K: Any) -> None:
-    """Add r g^T + g r^T + b g g^T of r, g (dim, n) to K (pairs, n^2)."""
-    dim, n = g.shape
+    """Add r g^T + g r^T + b g g^T of r, g (n, dim) to K (pairs, n^2)."""
+    n, dim = g.shape
     pair = 0
     for s in range(dim):
         for t in range(s, dim):
             for a in range(n):
-                x, y = r[s, a] + b * g[s, a], g[s, a]
+                x, y = r[a, s] + b * g[a, s], g[a, s]
                 for c in range(n):
-                    K[pair, a * n + c] += x * g[t, c] + y * r[t, c]
+                    K[pair, a * n + c] += x * g[c, t] + y * r[c, t]
             pair += 1
 
 
@@ -264,3 +264,12 @@ def add_row(nodes: Any, e: int, order: Any, a: int, K: Any, pattern: Any, out: A
             out[at, 0, 1] += K[1, ab]
             out[at, 1, 0] += K[1, ba]
             out[at, 1, 1] += K[2, up]
+
+
+@kernel
+def scatter(out: Any, nodes: Any, f: Any) -> None:
+    """Add nodal forces f (c, n, dim) of cells to out (n_nodes, dim), in their order."""
+    for e in range(nodes.shape[0]):
+        for a in range(nodes.shape[1]):
+            for s in range(f.shape[2]):
+                out[nodes[e, a], s] += f[e, a, s]

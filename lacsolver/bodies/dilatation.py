@@ -1,27 +1,18 @@
-"""Mean dilatation: cells of the neo-Hookean law, and of laws that yield, with one volume change: the mean of J.
+"""Mean dilatation of any law: the cells of a law with one change of volume, the mean over the cell.
 
-With j = ln (v / V), v and V the deformed and undeformed volumes of the cell, F is replaced by F (e^j / J)^(1/3), whose
-determinant is e^j at every point. The energy of a cell is
+In place of F a law gets F~ = s F with s^3 = J~ / J, and J~ = v / V the mean of J over the cell (v, V: its deformed and
+undeformed volume); at small strains it gets H~ = H + (<tr H> - tr H) I / 3, with < > the mean over the cell (Simo,
+Taylor and Pister, Variational and projection methods for the volume constraint in finite deformation elasto-plasticity,
+1985, with one pressure and one dilatation for a cell). Of its response P~, A~ and Y = F^-T, the first and the second
+derivative of the cell's energy int w(F~) dV have
 
-    int mu/2 (beta tr C - 3) - mu j + lambda/2 j^2 dV,    beta = (e^j / J)^(2/3)
+    pi = s/3 P~ : F     M = s^2 A~ : F + [s P~]     c = s^2 F : A~ : F + [3 pi]     p = <pi> / J~
+    P = s P~ + (p J - pi) Y
+    A_sitj = s^2 A~ - (M_si Y_tj + Y_si M_tj) / 3 + (c / 9 + [p J]) Y_si Y_tj + [(pi - p J) Y_sj Y_ti]
+    R = M / 3 - c / 9 Y     G = J Y / v     b = sum W c / 9 - [p v]
 
-(Simo, Taylor and Pister, Variational and projection methods for the volume constraint in finite deformation
-elasto-plasticity, 1985, with one pressure and one dilatation for a cell). Its first derivative has, beside the
-deviator, one pressure p for the cell:
-
-    P = F^-T (2 mu beta dev E + p J I),   p v = int mu (beta tr C / 3 - 1) + lambda j dV
-    A_sitj = mu beta delta_st delta_ij + m Y_sj Y_ti + Z_si Y_tj + Y_si Z_tj,   Y = F^-T
-    m = mu beta tr C / 3 - p J,   Z = (mu beta tr C / 9 + p J / 2) Y - 2/3 mu beta F
-    R = 2/3 F^-T 2 mu beta dev E,   G = J Y / v,   b = int 2/9 mu beta tr C + lambda dV - p v
-
-with R, G and b the terms of the whole cell, see `assembly`.
-
-A law whose stress is a deviator and a pressure p = K ln J apart, as that of metals in logarithmic strain
-(`bodies.plastic`), gets K j in place of K ln J, and nothing else changes (`with_mean_pressure`):
-
-    P = P_dev + K j V/v J Y,   A_sitj = dev + K j V/v J (Y_si Y_tj - Y_sj Y_ti),   G = J Y / v,   b = K V (1 - j)
-
-and at small strains, with the mean j of tr H: P = P_dev + K j I, A = dev, G = I / V, b = K V.
+with R, G and b the terms of the whole cell, see `assembly`. At small strains F, Y, J, J~ and s are 1, v is V, and the
+terms in brackets are absent. J - 1 and s - 1 are computed without cancellation: small strains keep their digits.
 """
 
 from __future__ import annotations
@@ -29,179 +20,137 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.assembly import NO_MEAN, MeanTerms
-from lacsolver.bodies.hyperelastic import NeoHookean, cofactors, strain
-from lacsolver.bodies.material import PointResponse
-from lacsolver.bodies.plastic import Plastic
+from lacsolver.bodies.deformation import change_of_volume, inverse_transposed
 
 
-def mean_response(law: NeoHookean, H: Floats, W: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
-    """Return the response (c q) at the points of cells to gradients H (c, q, 3, 3), and the terms of the cells.
+def dilated(H: Floats, W: Floats, finite: bool) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the gradients H~ (c, q, 3, 3) that a law gets for H (c, q, 3, 3) of weights W (c, q), and s - 1 (c, q)."""
+    out, stretch = np.empty(H.shape), np.zeros(W.shape)
+    _dilate(finite, H, W, out, stretch)
+    return out, stretch
 
-    W (c, q): weights of the points. Tangent and terms are empty unless they are asked for.
+
+def add_mean_pressure(finite: bool, H: Floats, W: Floats, stretch: Floats, P: Floats, A: Floats) -> MeanTerms:
+    """Turn the response P~ (c, q, 3, 3), A~ (c, q, 3, 3, 3, 3) of a law into P and A in place; return the cells' terms.
+
+    H, W and `stretch`: those of `dilated`. A may be empty; then the terms are, too.
     """
-    stress, energy, terms = np.empty(H.shape), np.empty(W.shape), NO_MEAN
-    A = np.empty((*H.shape, 3, 3) if tangent else (0, 0, 3, 3, 3, 3))
-    if tangent:
-        terms = MeanTerms(np.empty(H.shape), np.empty(H.shape), np.empty(len(H)))
-    _respond_by_cells(*law.lame, H, W, stress, A, energy, terms)
-    answer = PointResponse(
-        stress.reshape(-1, 3, 3), A.reshape(-1, 3, 3, 3, 3), energy.ravel(), np.empty((energy.size, 0))
-    )
-    return answer, terms
+    terms = MeanTerms(np.empty(H.shape), np.empty(H.shape), np.zeros(len(H))) if len(A) else NO_MEAN
+    _add_mean_pressure(finite, H, W, stretch, P, A, terms)
+    return terms
+
+
+def dilated_constants(A: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating], float]:
+    """Return A and R of a constant tangent A~ (3, 3, 3, 3) at small strains, and b over the volume of the cell."""
+    A, one = np.array(A[None, None]), np.zeros((1, 1, 3, 3))
+    terms = add_mean_pressure(False, one, np.ones((1, 1)), np.zeros((1, 1)), one.copy(), A)
+    return A[0, 0], terms.R[0, 0], float(terms.b[0])
 
 
 @kernel
-def _respond_by_cells(lam: float, mu: float, H: Any, W: Any, stress: Any, A: Any, energy: Any, terms: Any) -> None:
-    """Fill the arrays of `mean_response`. Those of a cell that is inverted at a point mean nothing."""
-    n_points = H.shape[1]
-    change, beta = np.empty(n_points), np.empty(n_points)
-    E, F, Y, Z = np.empty((n_points, 3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+def _volumes(finite: bool, H: Any, W: Any) -> Any:
+    """Return V of a cell with gradients H (q, 3, 3), and v - V, at small strains V <tr H>."""
+    V = grown = 0.0
+    for q in range(len(W)):
+        V += W[q]
+        grown += W[q] * (change_of_volume(H[q]) if finite else H[q, 0, 0] + H[q, 1, 1] + H[q, 2, 2])
+    return V, grown
+
+
+@kernel
+def _dilate(finite: bool, H: Any, W: Any, out: Any, stretch: Any) -> None:
+    """Fill `out` and `stretch` of `dilated`; inverted points, and cells inverted as a whole, stay as they are."""
     for e in range(len(H)):
-        p, b, v = _dilate(lam, mu, H[e], W[e], E, change, beta, energy[e])
-        if len(A):
-            terms.b[e] = b
-        for q in range(n_points):
-            J, soft = 1.0 + change[q], mu * beta[q]
+        V, grown = _volumes(finite, H[e], W[e])
+        mean = grown / V
+        j = np.log1p(mean) if finite else 0.0
+        for q in range(len(W[e])):
+            h, more = H[e, q], 0.0
+            if finite:
+                change = change_of_volume(h)
+                if change > -1.0 and mean > -1.0:
+                    stretch[e, q] = np.expm1((j - np.log1p(change)) / 3.0)
+                more = stretch[e, q]
+            else:
+                more = (mean - h[0, 0] - h[1, 1] - h[2, 2]) / 3.0
             for s in range(3):
                 for i in range(3):
-                    F[s, i] = H[e, q, s, i]
-                F[s, s] += 1.0
-            det = cofactors(F, Y)
-            third = np.trace(E[q]) / 3.0
-            for s in range(3):
-                for i in range(3):
-                    Y[s, i] /= det
-            for s in range(3):
-                for i in range(3):
-                    along = Y[s, 0] * E[q, 0, i] + Y[s, 1] * E[q, 1, i] + Y[s, 2] * E[q, 2, i] - third * Y[s, i]
-                    stress[e, q, s, i] = 2.0 * soft * along + p * J * Y[s, i]
-            if len(A):
-                m = soft * (1.0 + 2.0 * third)
-                factor = m / 3.0 + 0.5 * p * J
+                    out[e, q, s, i] = (1.0 + stretch[e, q]) * h[s, i]
+                out[e, q, s, s] += more
+
+
+@kernel
+def _add_mean_pressure(finite: bool, H: Any, W: Any, stretch: Any, P: Any, A: Any, terms: Any) -> None:
+    """Fill the arrays of `add_mean_pressure`. Those of a cell that is inverted at a point mean nothing."""
+    F, Y, Z, pi = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(W.shape[1])
+    wanted = len(A) > 0
+    for e in range(len(H)):
+        V, grown = _volumes(finite, H[e], W[e])
+        v, p = (V + grown if finite else V), 0.0
+        for q in range(len(pi)):
+            pi[q] = P[e, q, 0, 0] + P[e, q, 1, 1] + P[e, q, 2, 2]
+            if finite:
                 for s in range(3):
                     for i in range(3):
-                        Z[s, i] = factor * Y[s, i] - 2.0 / 3.0 * soft * F[s, i]
-                        terms.R[e, q, s, i] = 2.0 / 3.0 * (stress[e, q, s, i] - p * J * Y[s, i])
+                        pi[q] += P[e, q, s, i] * H[e, q, s, i]
+            pi[q] *= (1.0 + stretch[e, q]) / 3.0
+            p += W[e, q] * pi[q] / v
+        for q in range(len(pi)):
+            J = 1.0
+            for i in range(3):
+                for s in range(3):
+                    Y[s, i] = F[s, i] = 1.0 if s == i else 0.0
+                    if finite:
+                        F[s, i] += H[e, q, s, i]
+            if finite:
+                J += inverse_transposed(H[e, q], Y)
+            s1, inner = 1.0 + stretch[e, q], (p * J if finite else 0.0)
+            if wanted:
+                c = _mean_of_tangent(s1 * s1, s1 if finite else 0.0, F, P[e, q], A[e, q], Z)
+                for s in range(3):
+                    for i in range(3):
+                        terms.R[e, q, s, i] = Z[s, i] / 3.0 - c / 9.0 * Y[s, i]
                         terms.G[e, q, s, i] = J * Y[s, i] / v
-                _put_tangent(soft, m - p * J, Y, Z, A[e, q])
+                        Z[s, i] = 0.5 * (c / 9.0 + inner) * Y[s, i] - Z[s, i] / 3.0
+                terms.b[e] += W[e, q] * c / 9.0
+                _put_tangent(s1 * s1, pi[q] - inner if finite else 0.0, Y, Z, A[e, q])
+            for s in range(3):
+                for i in range(3):
+                    P[e, q, s, i] = s1 * P[e, q, s, i] + (p * J - pi[q]) * Y[s, i]
+        if wanted and finite:
+            terms.b[e] -= p * v
 
 
 @kernel
-def _put_tangent(soft: float, m: float, Y: Any, Z: Any, A: Any) -> None:
-    """Fill A (3, 3, 3, 3) at a point."""
+def _mean_of_tangent(scale: float, of_stress: float, F: Any, P: Any, A: Any, M: Any) -> float:
+    """Fill M = scale A : F + of_stress P, and return c = M : F."""
+    c = 0.0
     for s in range(3):
+        for i in range(3):
+            a = A[s, i]
+            M[s, i] = of_stress * P[s, i] + scale * (
+                a[0, 0] * F[0, 0] + a[0, 1] * F[0, 1] + a[0, 2] * F[0, 2]
+                + a[1, 0] * F[1, 0] + a[1, 1] * F[1, 1] + a[1, 2] * F[1, 2]
+                + a[2, 0] * F[2, 0] + a[2, 1] * F[2, 1] + a[2, 2] * F[2, 2]
+            )  # fmt: skip
+            c += M[s, i] * F[s, i]
+    return c
+
+
+@kernel
+def _put_tangent(scale: float, of_inverse: float, Y: Any, Z: Any, A: Any) -> None:
+    """Turn A (3, 3, 3, 3) into scale A + Z_si Y_tj + Y_si Z_tj + of_inverse Y_sj Y_ti."""
+    for s in range(3):
+        y0, y1, y2 = of_inverse * Y[s, 0], of_inverse * Y[s, 1], of_inverse * Y[s, 2]
         for i in range(3):
             y, z = Y[s, i], Z[s, i]
             for t in range(3):
-                w = m * Y[t, i]
-                for j in range(3):
-                    A[s, i, t, j] = w * Y[s, j] + z * Y[t, j] + y * Z[t, j]
-            A[s, i, s, i] += soft
-
-
-@kernel
-def _dilate(lam: float, mu: float, H: Any, W: Any, E: Any, change: Any, beta: Any, energy: Any) -> Any:
-    """Fill E (q, 3, 3), J - 1, beta and energy (q,) of a cell with gradients H (q, 3, 3); return (p, b, v)."""
-    V = grown = 0.0
-    for q in range(len(W)):
-        strain(H[q], E[q])
-        change[q] = _change(H[q])
-        V += W[q]
-        grown += W[q] * change[q]
-    j, v = np.log1p(grown / V), V + grown
-    p = b = 0.0
-    for q in range(len(W)):
-        x = 2.0 / 3.0 * (j - np.log1p(change[q]))
-        third = 2.0 / 3.0 * np.trace(E[q])  # tr C / 3 - 1
-        beta[q] = np.exp(x)
-        more = np.expm1(x) * (1.0 + third) + third  # beta tr C / 3 - 1
-        p += W[q] * (mu * more + lam * j)
-        b += W[q] * (2.0 / 3.0 * mu * (1.0 + more) + lam)
-        energy[q] = 1.5 * mu * more - mu * j + 0.5 * lam * j * j
-    return p / v, b - p, v
-
-
-@kernel
-def _change(H: Any) -> float:
-    """Return det(I + H) - 1."""
-    trace = H[0, 0] + H[1, 1] + H[2, 2]
-    pairs = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0] + H[1, 1] * H[2, 2] - H[1, 2] * H[2, 1]
-    pairs += H[0, 0] * H[2, 2] - H[0, 2] * H[2, 0]
-    det = (
-        H[0, 0] * (H[1, 1] * H[2, 2] - H[1, 2] * H[2, 1])
-        - H[0, 1] * (H[1, 0] * H[2, 2] - H[1, 2] * H[2, 0])
-        + H[0, 2] * (H[1, 0] * H[2, 1] - H[1, 1] * H[2, 0])
-    )
-    return trace + pairs + det
-
-
-def with_mean_pressure(
-    law: Plastic, H: Floats, W: Floats, deviator: PointResponse, tangent: bool
-) -> tuple[PointResponse, MeanTerms]:
-    """Add the pressure of the mean change of volume of cells with gradients H (c, q, 3, 3) to a response (c q).
-
-    W (c, q): weights of the points. `deviator`: the response without any pressure, whose arrays are overwritten. The
-    terms of the cells are empty unless the tangent is asked for.
-    """
-    stress, energy = deviator.stress.reshape(H.shape), deviator.energy.reshape(W.shape)
-    A: Floats = np.empty((0, 0, 3, 3, 3, 3))
-    terms = NO_MEAN
-    if tangent:
-        A = deviator.tangent.reshape(*H.shape, 3, 3)
-        terms = MeanTerms(np.zeros(H.shape), np.empty(H.shape), np.empty(len(H)))
-    _add_pressure(law.constants.bulk, law.finite, H, W, stress, A, energy, terms)
-    return deviator, terms
-
-
-@kernel
-def _add_pressure(K: float, finite: bool, H: Any, W: Any, stress: Any, A: Any, energy: Any, terms: Any) -> None:
-    """Add the pressure of the mean change of volume to stress, A and energy; fill the terms of the tangent."""
-    Y = np.empty((3, 3))
-    for e in range(len(H)):
-        V = grown = 0.0
-        for q in range(len(W[e])):
-            V += W[e, q]
-            grown += W[e, q] * (_change(H[e, q]) if finite else H[e, q, 0, 0] + H[e, q, 1, 1] + H[e, q, 2, 2])
-        j = np.log1p(grown / V) if finite else grown / V
-        v = V + grown if finite else V
-        if len(A):
-            terms.b[e] = K * V * (1.0 - j) if finite else K * V
-        for q in range(len(W[e])):
-            for s in range(3):
-                for i in range(3):
-                    Y[s, i] = 1.0 if s == i else 0.0
-            if finite:
-                _cofactors_of_deformed(H[e, q], Y)
-            energy[e, q] += 0.5 * K * j * j
-            p = K * j * V / v
-            for s in range(3):
-                for i in range(3):
-                    stress[e, q, s, i] += p * Y[s, i]
-                    if len(A):
-                        terms.G[e, q, s, i] = Y[s, i] / v
-            if len(A) and finite:
-                _add_change_of_cofactors(p, _change(H[e, q]) + 1.0, Y, A[e, q])
-
-
-@kernel
-def _cofactors_of_deformed(H: Any, Y: Any) -> None:
-    """Fill Y with the cofactors J F^-T of F = I + H."""
-    F = np.empty((3, 3))
-    for s in range(3):
-        for i in range(3):
-            F[s, i] = H[s, i] + (1.0 if s == i else 0.0)
-    cofactors(F, Y)
-
-
-@kernel
-def _add_change_of_cofactors(p: float, J: float, Y: Any, A: Any) -> None:
-    """Add p dY/dF of the cofactors Y of F, whose determinant is J: p (Y_si Y_tj - Y_sj Y_ti) / J."""
-    for s in range(3):
-        for i in range(3):
-            for t in range(3):
-                for j in range(3):
-                    A[s, i, t, j] += p / J * (Y[s, i] * Y[t, j] - Y[s, j] * Y[t, i])
+                x = Y[t, i]
+                A[s, i, t, 0] = scale * A[s, i, t, 0] + z * Y[t, 0] + y * Z[t, 0] + x * y0
+                A[s, i, t, 1] = scale * A[s, i, t, 1] + z * Y[t, 1] + y * Z[t, 1] + x * y1
+                A[s, i, t, 2] = scale * A[s, i, t, 2] + z * Y[t, 2] + y * Z[t, 2] + x * y2

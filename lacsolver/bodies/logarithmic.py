@@ -113,7 +113,8 @@ def stress_and_tangent(F: Any, c: Any, N: Any, G: Any, T: Any, D: Any, wanted: b
     if not wanted:
         return
     _second_piola_tangent(c, first, T, D, M[0])
-    _turned(U, V, M, A)
+    for k in range(4):
+        _turn_last(U if k % 2 else V, M[k % 2], A if k == 3 else M[1 - k % 2])
     for i in range(3):
         for j in range(3):
             x = 0.0
@@ -145,31 +146,11 @@ def _second_piola_tangent(c: Any, first: Any, T: Any, D: Any, M: Any) -> None:
 
 
 @kernel
-def _turned(U: Any, V: Any, M: Any, A: Any) -> None:
-    """Fill A_sitj = U_sa V_ib U_tc V_jd M_abcd, of M[0]; M (2, 3, 3, 3, 3) is overwritten."""
-    for a in range(3):  # over d, then c, b, a
-        for b in range(3):
-            for k in range(3):
-                for j in range(3):
-                    M[1, a, b, k, j] = (
-                        V[j, 0] * M[0, a, b, k, 0] + V[j, 1] * M[0, a, b, k, 1] + V[j, 2] * M[0, a, b, k, 2]
-                    )
+def _turn_last(Q: Any, M: Any, out: Any) -> None:
+    """Fill out_jabc = Q_jd M_abcd: the last index is turned and becomes the first."""
     for a in range(3):
         for b in range(3):
-            for t in range(3):
+            for c in range(3):
+                x, y, z = M[a, b, c, 0], M[a, b, c, 1], M[a, b, c, 2]
                 for j in range(3):
-                    M[0, a, b, t, j] = (
-                        U[t, 0] * M[1, a, b, 0, j] + U[t, 1] * M[1, a, b, 1, j] + U[t, 2] * M[1, a, b, 2, j]
-                    )
-    for a in range(3):
-        for i in range(3):
-            for t in range(3):
-                for j in range(3):
-                    M[1, a, i, t, j] = (
-                        V[i, 0] * M[0, a, 0, t, j] + V[i, 1] * M[0, a, 1, t, j] + V[i, 2] * M[0, a, 2, t, j]
-                    )
-    for s in range(3):
-        for i in range(3):
-            for t in range(3):
-                for j in range(3):
-                    A[s, i, t, j] = U[s, 0] * M[1, 0, i, t, j] + U[s, 1] * M[1, 1, i, t, j] + U[s, 2] * M[1, 2, i, t, j]
+                    out[j, a, b, c] = Q[j, 0] * x + Q[j, 1] * y + Q[j, 2] * z

@@ -38,10 +38,9 @@ from scipy.sparse import csr_array, diags_array
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints, mask_of
-from lacsolver.bodies.assembly import sort_places
+from lacsolver.bodies.assembly import scatter, sort_places
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import parts_of, piece, table
-from lacsolver.bodies.small.fields import scatter
 from lacsolver.space.space import Space
 
 #: degree of N N det J in the module's table: (plane or solid, axisymmetric)

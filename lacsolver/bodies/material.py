@@ -3,9 +3,9 @@
 A law is a frozen record of constants that gives, in the components of `space.COMPONENTS` (engineering shear),
 C (6, 6): stress = C (strain - (T - T0) alpha), and alpha (6,): thermal strain per degree. A model reduces both: plane
 strain and axisymmetry take the first four components, plane stress eliminates the free zz. The assembly reads
-`Materials`: the number of its law for every cell, and one table of C and alpha per law. Laws of finite strains
-(`bodies.hyperelastic`), and those that users add, are stored in `Materials` too: they give stress and tangent at each
-point (`PointLaw`) instead of one C for a cell.
+`Materials`: the number of its law for every cell, and one tensor of C per law. Laws of finite strains
+(`bodies.hyperelastic`), metals that yield, and laws that users add are stored in `Materials` too: they give stress and
+tangent at each point (`PointLaw`) instead of one C for a cell.
 
 Units: young, shear and C in stress; expansion in 1 / temperature; density in mass / volume.
 """
@@ -15,13 +15,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.dilatation import dilated_constants
 from lacsolver.space.space import ModellingHypothesis, Space
 
 #: row and column of each component of stress in its tensor
@@ -79,6 +80,24 @@ class PointLaw(Protocol):
 
     def respond(self, H: Floats, history: Floats) -> PointResponse:
         """Return the response to gradients of displacement H (k, 3, 3), after a history (k, n_history)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A linear law of small strains at points: `A` (3, 3, 3, 3), without the direction 22 in plane stress."""
+
+    A: Floats
+    mean_dilatation: bool = False
+
+    finite: ClassVar[bool] = False
+    n_history: ClassVar[int] = 0
+
+    def respond(self, H: Floats, history: Floats, tangent: bool = True) -> PointResponse:
+        """Return the response to gradients H (k, 3, 3), with an empty tangent unless it is asked for."""
+        stress = H.reshape(-1, 9) @ self.A.reshape(9, 9)
+        energy = 0.5 * np.einsum("ki,ki->k", stress, H.reshape(-1, 9))
+        A = np.tile(self.A, (len(H) if tangent else 0, 1, 1, 1, 1))
+        return PointResponse(stress.reshape(H.shape), A, energy, history)
 
 
 @dataclass(frozen=True)
@@ -229,11 +248,19 @@ def _check_common(density: float, expansion: Iterable[float], reference_temperat
 
 
 def _to_tensor(C: Floats) -> NDArray[np.floating]:
-    """Return the tensor (3, 3, 3, 3) of a matrix C (6, 6)."""
+    """Return the tensor (3, 3, 3, 3) of a matrix C of the first 4 or all 6 components."""
     out = np.zeros((3, 3, 3, 3))
-    for k, (i, j) in enumerate(PLACES):
-        for m, (p, q) in enumerate(PLACES):
+    for k, (i, j) in enumerate(PLACES[: len(C)]):
+        for m, (p, q) in enumerate(PLACES[: len(C)]):
             out[i, j, p, q] = out[j, i, p, q] = out[i, j, q, p] = out[j, i, q, p] = C[k, m]
+    return out
+
+
+def symmetric(strain: Floats) -> NDArray[np.floating]:
+    """Return the tensor (3, 3) of the first 4 or all 6 components of a strain."""
+    out = np.zeros((3, 3))
+    for value, (i, j) in zip(strain, PLACES, strict=False):
+        out[i, j] = out[j, i] = value if i == j else value / 2
     return out
 
 
@@ -249,10 +276,6 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
     with shear across its plane.
     """
     n = model.n_stress
-    if hasattr(law, "respond") and not (
-        getattr(law, "finite", False) and hasattr(law, "elasticity")
-    ):  # evaluated at points
-        return np.zeros((n, n)), np.zeros(n)
     C, alpha = law.elasticity(), law.thermal_strain()
     if n < 6 and (np.abs(C[:n, n:]).max() > _ROUNDING * np.abs(C).max() or np.any(np.abs(alpha[n:]) > _ROUNDING)):
         message = f"the law's axes couple the plane of the model {model.name} with shear across it"
@@ -265,19 +288,19 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
 
 
 class LawTerms(NamedTuple):
-    """Nonzero entries of A, law by law: law k has rows start[k]:start[k + 1].
+    """Nonzero entries of the constant A of linear laws, law by law: law k has rows start[k]:start[k + 1].
 
     `at` (m, 2): index of (s, t) among the pairs s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and
-    mu of isotropic laws; 0, 0 of the others. Of laws with mean dilatation (`Materials.mean_terms`) these are those of
-    the deviator of strain; `bulk` (laws,), 0 of the others, and `coupling` (laws, l, d) are those of the mean.
+    mu of isotropic A; 0, 0 of the others. Laws with mean dilatation have the terms R (laws, 3, 3) and b (laws,) of a
+    cell besides, see `dilatation`; they are 0 for the others.
     """
 
     start: Ints
     at: Ints
     value: Floats
     lame: Floats
-    bulk: Floats
-    coupling: Floats
+    R: Floats
+    b: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,31 +339,62 @@ class Materials:
             raise DataError(f"{message}; name a group that holds them, or leave out the groups", numbers)
         theirs = tuple(None if groups is None else tuple(groups) for _, groups in pairs)
         made = cls(space.model, tuple(law for law, _ in pairs), tuple(chosen[b.cell] for b in space.blocks), theirs)
-        _ = made.tables
+        _ = made.tensors
         return made
 
     @cached_property
-    def tables(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Tables C (laws, n, n) and alpha (laws, n) in the model's components."""
-        pairs = [reduced(law, self.model) for law in self.laws]
-        return np.stack([C for C, _ in pairs]), np.stack([alpha for _, alpha in pairs])
+    def tensors(self) -> NDArray[np.floating]:
+        """Tensors A (laws, 3, 3, 3, 3) of the laws at rest in the model; 0 of laws that have no `elasticity`."""
+        return np.stack([_to_tensor(C) for C, _ in self._reduced])
 
     @cached_property
-    def tensors(self) -> NDArray[np.floating]:
-        """Tensors A (laws, d, l, d, l): A_sitj = sum S_kis C_km S_mjt over k, m; K_ab,st = int A_sitj L_ia L_jb."""
-        return self._tensors(self.tables[0])
+    def thermal_strain(self) -> NDArray[np.floating]:
+        """Thermal strain (laws, 3, 3) per degree; 0 of laws that have none."""
+        return np.stack([symmetric(alpha) for _, alpha in self._reduced])
 
-    def _tensors(self, C: Floats) -> NDArray[np.floating]:
-        S = self.model.selector
-        return np.einsum("kis,ckm,mjt->csitj", S, C, S)
+    @cached_property
+    def _reduced(self) -> list[tuple[NDArray[np.floating], NDArray[np.floating]]]:
+        """C (n, n) and alpha (n,) of each law in the model's components."""
+        n = self.model.n_stress
+        given = [hasattr(law, "elasticity") and hasattr(law, "thermal_strain") for law in self.laws]
+        none = np.zeros((n, n)), np.zeros(n)
+        return [reduced(law, self.model) if has else none for law, has in zip(self.laws, given, strict=True)]
+
+    @cached_property
+    def at_points(self) -> tuple[Any, ...]:
+        """The laws as they are evaluated at points."""
+        laws = zip(self.laws, self.tensors, self.mean, self.pointwise, strict=True)
+        return tuple(law if own else Linear(A, bool(mean)) for law, A, mean, own in laws)
 
     @cached_property
     def terms(self) -> LawTerms:
-        """Entries of `tensors` that are not zero (above rounding), for s <= t only, since K is symmetric."""
-        bulk, coupling = np.zeros(len(self.laws)), np.zeros((len(self.laws), self.model.rows, self.model.dim))
-        pairs = zip(self.laws, self.tables[0], strict=True)  # C of laws of small strains at points is 0
-        lame = np.array([law.lame if isinstance(law, Elastic) and C.any() else (0.0, 0.0) for law, C in pairs])
-        return LawTerms(*self._entries(self.tensors), lame, bulk, coupling)
+        """Constant terms of the stiffness in cells without mean dilatation."""
+        return self._terms(mean=False)
+
+    @cached_property
+    def mean_terms(self) -> LawTerms:
+        """Constant terms of the stiffness in cells with mean dilatation, for the laws that have it."""
+        return self._terms(mean=True)
+
+    def _terms(self, mean: bool) -> LawTerms:
+        """Return the entries of linear laws that are not zero (above rounding), for s <= t, since K is symmetric."""
+        A, R, b = self.tensors.copy(), np.zeros((len(self.laws), 3, 3)), np.zeros(len(self.laws))
+        A[np.array(self.pointwise)] = 0.0
+        for k, law in enumerate(self.at_points):
+            if mean and isinstance(law, Linear) and law.mean_dilatation:
+                A[k], R[k], b[k] = dilated_constants(law.A)
+        d, rows, S, I = self.model.dim, self.model.rows, self.model.selector, np.eye(3)  # noqa: E741
+        largest = np.abs(self.tensors).max(axis=(1, 2, 3, 4))[:, None, None, None, None]
+        lame = np.stack([A[:, 0, 0, 1, 1], A[:, 0, 1, 0, 1]], axis=1)
+        shear = np.einsum("st,ij->sitj", I, I) + np.einsum("sj,it->sitj", I, I)
+        isotropic = np.multiply.outer(lame[:, 0], np.einsum("si,tj->sitj", I, I)) + np.multiply.outer(lame[:, 1], shear)
+        lame[(np.abs(A - isotropic) > 1e-15 * largest).any(axis=(1, 2, 3, 4))] = 0.0
+        A = np.einsum("pqis,cpqab,abjt->csitj", S, A, S)
+        used = np.abs(A) > 1e-15 * largest
+        used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
+        which, s, i, t, j = np.nonzero(used)
+        start = np.searchsorted(which, np.arange(len(self.laws) + 1))
+        return LawTerms(start, np.stack([d * s + t - s * (s + 1) // 2, rows * i + j], axis=1), A[used], lame, R, b)
 
     @cached_property
     def mean(self) -> NDArray[np.bool_]:
@@ -348,34 +402,8 @@ class Materials:
         return np.array([getattr(law, "mean_dilatation", False) for law in self.laws])
 
     @cached_property
-    def mean_terms(self) -> LawTerms:
-        """Terms in cells that may take the mean dilatation: those of `terms`, but for the laws that have it.
-
-        With P = I - m m^T / 3, m = (1, 1, 1, 0, ...): A of P C P, `coupling` S^T P C m / 3, `bulk` m^T C m / 9.
-        """
-        if not self.mean.any():
-            return self.terms
-        C, m = self.tables[0].copy(), (np.arange(self.model.n_stress) < 3).astype(float)
-        P, bulk = np.eye(len(m)) - np.outer(m, m) / 3, np.where(self.mean, m @ C @ m / 9, 0.0)
-        coupling = np.where(self.mean[:, None], C @ m @ P / 3, 0.0)
-        C[self.mean] = P @ C[self.mean] @ P
-        lame = np.where(self.mean[:, None], self.terms.lame * [0.0, 1.0], self.terms.lame)
-        lame[self.mean, 0] = -2 / 3 * lame[self.mean, 1]
-        coupling = np.ascontiguousarray(np.einsum("ck,kis->cis", coupling, self.model.selector))
-        return LawTerms(*self._entries(self._tensors(C)), lame, bulk, coupling)
-
-    def _entries(self, A: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return `start`, `at` and `value` of tensors (laws, d, l, d, l): what is not rounding of `tensors`."""
-        d, rows = self.model.dim, self.model.rows
-        used = np.abs(A) > 1e-15 * np.abs(self.tensors).max(axis=(1, 2, 3, 4), keepdims=True)
-        used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
-        law, s, i, t, j = np.nonzero(used)
-        start = np.searchsorted(law, np.arange(len(self.laws) + 1))
-        return start, np.stack([d * s + t - s * (s + 1) // 2, rows * i + j], axis=1), A[used]
-
-    @cached_property
     def pointwise(self) -> tuple[bool, ...]:
-        """True for each law that is evaluated at points (`bodies.pointwise`); if it is of small strains, its C is 0."""
+        """True for each law that is not linear: it is evaluated at points by its own `respond`."""
         return tuple(hasattr(law, "respond") for law in self.laws)
 
     def check_small(self) -> None:
@@ -395,13 +423,3 @@ class Materials:
     def densities(self, block: int) -> NDArray[np.floating]:
         """Return the mass per volume (k,) of each cell of a block."""
         return np.array([law.density for law in self.laws])[self.law[block]]
-
-    def elastic_strain(self, law: int, strain: Floats, temperature: Floats | None) -> NDArray[np.floating]:
-        """Return strain (c, q, n) in cells of one law less the thermal strain of temperature (c, q) or None.
-
-        A temperature that is NaN means none: no thermal strain there.
-        """
-        if temperature is None:
-            return strain
-        warmer = np.nan_to_num(temperature - self.laws[law].reference_temperature, nan=0.0)
-        return strain - warmer[..., None] * self.tables[1][law]

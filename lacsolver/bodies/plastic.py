@@ -23,8 +23,6 @@ The energy dissipated is int Y dp; what H stores comes back when the flow is rev
 
 History of a point: p, then ep (6) in the order of `space.COMPONENTS` (tensor components); at finite strains p, ep, and
 the nine components of F_p^-1 - I row by row. All are 0 at the start.
-
-Mean dilatation: K is set to 0 here, and the pressure of the mean change of volume is added (`dilatation`).
 """
 
 from __future__ import annotations
@@ -39,6 +37,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
+from lacsolver.bodies.deformation import green_lagrange
 from lacsolver.bodies.logarithmic import eigenvectors, stress_and_tangent
 from lacsolver.bodies.material import PLACES, Elastic, PointResponse
 
@@ -47,8 +46,6 @@ from lacsolver.bodies.material import PLACES, Elastic, PointResponse
 LARGEST_FLOW = 1.0
 #: excess of q over the yield stress, relative to it, that is round-off of a state on the yield surface
 _ON = 1e-11
-#: Newton's method for the strain across plane stress: relative tolerance, largest number of iterations
-_CLOSE, _STEPS = 1e-15, 80
 _ROWS = np.array([i for i, _ in PLACES])
 _COLUMNS = np.array([j for _, j in PLACES])
 
@@ -118,20 +115,12 @@ class Plastic(Elastic):
         k = np.searchsorted(strain, p, side="right") - 1
         return np.asarray(whole[k] + (p - strain[k]) * (stress[k] + self.yield_stress(p)) / 2)
 
-    def respond(
-        self, H: Floats, history: Floats, *, plane_stress: bool = False, tangent: bool = True, mean: bool = False
-    ) -> PointResponse:
-        """Return the response to gradients H (k, 3, 3), with an empty tangent unless it is asked for.
-
-        In plane stress H_22 is filled in, and the tangent is without the direction 22. `mean`: without what the change
-        of volume causes, for `dilatation.with_mean_pressure`.
-        """
+    def respond(self, H: Floats, history: Floats, tangent: bool = True) -> PointResponse:
+        """Return the response to gradients H (k, 3, 3), with an empty tangent unless it is asked for."""
         stress, energy, new = np.empty(H.shape), np.empty(len(H)), np.empty(history.shape)
         A = np.empty((len(H) if tangent else 0, 3, 3, 3, 3))
-        constants = self.constants
-        if mean:
-            constants = constants._replace(bulk=0.0)
-        _respond(constants, self.finite, plane_stress, H, np.ascontiguousarray(history), stress, A, energy, new)
+        respond = _respond_finite if self.finite else _respond_small
+        respond(self.constants, H, np.ascontiguousarray(history), stress, A, energy, new)
         return PointResponse(stress, A, energy, new)
 
 
@@ -142,90 +131,68 @@ class FinitePlastic(Plastic):
     n_history: ClassVar[int] = 16
 
 
-class _Work(NamedTuple):
-    """Arrays of a point in the frame of its trial strain `E` (3, 3), whose axes are the columns of `N`.
-
-    `ep`: plastic strain; `T`: stress; `n`: direction of flow; `D` (3, 3, 3, 3): dT/dE.
-    """
-
-    E: Floats
-    N: Floats
-    ep: Floats
-    T: Floats
-    n: Floats
-    D: Floats
-
-
 @kernel
-def _respond(
-    constants: Any, finite: bool, plane_stress: bool, H: Any, history: Any, stress: Any, A: Any, energy: Any, new: Any
-) -> None:
-    """Fill stress (k, 3, 3), energy (k,), the new history, H_22 of plane stress, A unless it is empty."""
-    E, N, ep, T, n = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    work = _Work(E, N, ep, T, n, np.empty((3, 3, 3, 3)))
-    F, G, c, M = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((2, 3, 3, 3, 3))
-    flow, none = np.empty((3, 3)), np.empty((3, 3, 3, 3))
+def _respond_small(constants: Any, H: Any, history: Any, stress: Any, A: Any, energy: Any, new: Any) -> None:
+    """Fill stress (k, 3, 3), energy (k,), the new history, and A (k, 3, 3, 3, 3) unless it is empty."""
+    E, ep, n, none = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3, 3, 3))
     wanted = len(A) > 0
     for k in range(len(H)):
-        for m in range(6):
-            i, j = _ROWS[m], _COLUMNS[m]
-            ep[i, j] = ep[j, i] = history[k, 1 + m]
-        if finite:
-            _log_strain(H[k], history[k], plane_stress, work, F, G, c)
-        else:
-            for i in range(3):
-                for j in range(3):
-                    E[i, j] = 0.5 * (H[k, i, j] + H[k, j, i]) - ep[i, j]
-        dp, energy[k] = _step(constants, history[k, 0], plane_stress, wanted, work)
+        _unpack(history[k], ep)
+        for i in range(3):
+            for j in range(3):
+                E[i, j] = 0.5 * (H[k, i, j] + H[k, j, i]) - ep[i, j]
+        dp, energy[k] = _return(constants, history[k, 0], wanted, E, ep, stress[k], n, A[k] if wanted else none)
         new[k, 0] = history[k, 0] + dp
-        if plane_stress:
-            H[k, 2, 2] = np.expm1(E[2, 2] - np.log1p(G[2, 2] - 1.0)) if finite else E[2, 2] + ep[2, 2]
-        if not finite:
-            for m in range(6):
-                new[k, 1 + m] = history[k, 1 + m] + np.sqrt(1.5) * dp * n[_ROWS[m], _COLUMNS[m]]
-            for i in range(3):
-                for j in range(3):
-                    stress[k, i, j] = T[i, j]
-                    if wanted:
-                        for a in range(3):
-                            for b in range(3):
-                                A[k, i, j, a, b] = work.D[i, j, a, b]
-            continue
-        if plane_stress:
-            c[2] = np.exp(2.0 * E[2, 2])
-            F[2, 2] = np.exp(E[2, 2])
-        stress_and_tangent(F, c, N, G, T, work.D, wanted, stress[k], A[k] if wanted else none, M)
-        _put_flow(dp, N, n, flow, history[k], new[k])
+        for m in range(6):
+            new[k, 1 + m] = history[k, 1 + m] + np.sqrt(1.5) * dp * n[_ROWS[m], _COLUMNS[m]]
 
 
 @kernel
-def _log_strain(H: Any, history: Any, plane_stress: bool, work: Any, F: Any, G: Any, c: Any) -> None:
-    """Fill F = F_e of the trial state, G = F_p^-1, c and N of F^T F, E on its axes, and turn ep into that frame."""
-    E, N, ep, T, _, _ = work
+def _respond_finite(constants: Any, H: Any, history: Any, stress: Any, A: Any, energy: Any, new: Any) -> None:
+    """Fill stress (k, 3, 3), energy (k,), the new history, and A (k, 3, 3, 3, 3) unless it is empty.
+
+    The return is along the axes N of the trial strain.
+    """
+    E, N, ep, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    T, n, D, c = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3, 3, 3)), np.empty(3)
+    F, G, M = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3, 3, 3, 3))
+    wanted = len(A) > 0
+    for k in range(len(H)):
+        _log_strain(H[k], history[k], E, N, F, G, c)
+        _unpack(history[k], ep)
+        _rotate(ep, N, turned)
+        dp, energy[k] = _return(constants, history[k, 0], wanted, E, turned, T, n, D)
+        new[k, 0] = history[k, 0] + dp
+        stress_and_tangent(F, c, N, G, T, D, wanted, stress[k], A[k] if wanted else D, M)
+        _put_flow(dp, N, n, T, history[k], new[k])
+
+
+@kernel
+def _unpack(history: Any, ep: Any) -> None:
+    """Fill ep (3, 3) with the plastic strain of a history."""
+    for m in range(6):
+        i, j = _ROWS[m], _COLUMNS[m]
+        ep[i, j] = ep[j, i] = history[1 + m]
+
+
+@kernel
+def _log_strain(H: Any, history: Any, E: Any, N: Any, F: Any, G: Any, c: Any) -> None:
+    """Fill F = F_e of the trial state, G = F_p^-1, c and N of F^T F, and E on its axes."""
     for i in range(3):
         for j in range(3):
-            T[i, j] = history[7 + 3 * i + j]
-            G[i, j] = T[i, j] + (1.0 if i == j else 0.0)
-    for i in range(3):  # F_e - I = H G + (G - I)
+            G[i, j] = history[7 + 3 * i + j]
+    for i in range(3):  # F_e - I = H + (G - I) + H (G - I)
         for j in range(3):
-            F[i, j] = H[i, 0] * G[0, j] + H[i, 1] * G[1, j] + H[i, 2] * G[2, j] + T[i, j]
-    if plane_stress:
-        F[2, 2] = 0.0
-    for i in range(3):
-        for j in range(i + 1):
-            E[i, j] = 0.5 * (F[i, j] + F[j, i] + F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j])
-            E[j, i] = E[i, j]
+            F[i, j] = H[i, j] + G[i, j] + H[i, 0] * G[0, j] + H[i, 1] * G[1, j] + H[i, 2] * G[2, j]
+    green_lagrange(F, E)
     for i in range(3):
         F[i, i] += 1.0
+        G[i, i] += 1.0
     eigenvectors(E, N)
     for a in range(3):
         c[a] = 1.0 + 2.0 * E[a, a]
         for b in range(3):
             E[a, b] = 0.5 * np.log1p(2.0 * E[a, a]) if a == b else 0.0
-    _rotate(ep, N, T)
-    for a in range(3):
-        for b in range(3):
-            ep[a, b] = T[a, b]
 
 
 @kernel
@@ -242,14 +209,13 @@ def _rotate(B: Any, N: Any, out: Any) -> None:
 @kernel
 def _put_flow(dp: float, N: Any, n: Any, flow: Any, old: Any, new: Any) -> None:
     """Write the plastic strain after a flow dp along n, in the frame N, and F_p^-1 exp(-dep) - I."""
-    axes, e, y = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    axes, e = np.empty((3, 3)), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             flow[i, j] = 0.0
             for a in range(3):
                 for b in range(3):
                     flow[i, j] += np.sqrt(1.5) * dp * N[i, a] * n[a, b] * N[j, b]
-            y[i, j] = flow[i, j]
     for m in range(6):
         new[1 + m] = old[1 + m] + flow[_ROWS[m], _COLUMNS[m]]
     eigenvectors(flow, axes)
@@ -267,59 +233,11 @@ def _put_flow(dp: float, N: Any, n: Any, flow: Any, old: Any, new: Any) -> None:
 
 
 @kernel
-def _step(constants: Any, p: float, plane_stress: bool, wanted: bool, work: Any) -> Any:
-    """Fill T and n, and D if it is wanted, of a trial strain E after (ep, p); return dp and the energy.
+def _return(constants: Any, p: float, wanted: bool, E: Any, ep: Any, T: Any, n: Any, D: Any) -> Any:
+    """Fill the stress T, the direction of flow n, and D = dT/dE (3, 3, 3, 3) if it is wanted.
 
-    In plane stress E_22, such that T_22 = 0, is filled in: T_22 grows with E_22, and the root stays between bounds.
+    E (3, 3): elastic strain of the trial state after (ep, p). Return dp and the energy per volume.
     """
-    E, D = work.E, work.D
-    if not plane_stress:
-        return _return(constants, p, wanted, work)
-    K, G = constants.bulk, constants.shear
-    E[2, 2] = -(K - 2.0 / 3.0 * G) / (K + 4.0 / 3.0 * G) * (E[0, 0] + E[1, 1])
-    size = abs(E[0, 0]) + abs(E[1, 1]) + abs(E[0, 1])
-    low, high = -np.inf, np.inf
-    dp, energy = _return(constants, p, True, work)
-    for _ in range(_STEPS):
-        across = work.T[2, 2]
-        step = across / D[2, 2, 2, 2]
-        if across > 0.0:
-            high = E[2, 2]
-        else:
-            low = E[2, 2]
-        if abs(step) <= _CLOSE * (abs(E[2, 2]) + size):
-            break
-        x = E[2, 2] - step
-        if not low < x < high:
-            x = 0.5 * (low + high)
-        if x == E[2, 2]:
-            break
-        E[2, 2] = x
-        dp, energy = _return(constants, p, True, work)
-    work.T[2, 2] = 0.0
-    if wanted:
-        _without_across(D)
-    return dp, energy
-
-
-@kernel
-def _without_across(D: Any) -> None:
-    """Eliminate E_22 from D (3, 3, 3, 3) by T_22 = 0."""
-    row, stiff = np.empty((3, 3)), D[2, 2, 2, 2]
-    for i in range(3):
-        for j in range(3):
-            row[i, j] = D[2, 2, i, j]
-    for i in range(3):
-        for j in range(3):
-            for a in range(3):
-                for b in range(3):
-                    D[i, j, a, b] -= row[i, j] * row[a, b] / stiff
-
-
-@kernel
-def _return(constants: Any, p: float, wanted: bool, work: Any) -> Any:
-    """Fill T and n of a trial strain E after (ep, p), and D if it is wanted; return dp and the energy per volume."""
-    E, _, ep, T, n, D = work
     K, G, back = constants.bulk, constants.shear, 2.0 / 3.0 * constants.kinematic
     change = E[0, 0] + E[1, 1] + E[2, 2]
     square = 0.0

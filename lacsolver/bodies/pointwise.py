@@ -1,18 +1,18 @@
-"""Bodies whose laws are evaluated at integration points: all of finite strains, and laws of small strains with no C.
+"""Bodies at a displacement: stress and tangent of their laws at integration points, and what is summed from them.
 
     f_as = int P_si L_ia dV,      K_ab,st = int A_sitj L_ia L_jb dV,      A = dP/dH
 
-over the undeformed body (total Lagrangian), with the stress P and the tangent A that a law gives for the gradient of
-displacement H_si = du_s/dX_i, (3, 3) in every model: H_22 is 0 in plane strain, u_x / r in axisymmetry, and in plane
-stress it is solved for from P_22 = 0. A law is a frozen record with the members of `PointLaw`; `MATERIAL_LAWS` of
-`lacsolver.case.added` makes it known to case files by a name.
+over the undeformed body (total Lagrangian). A law gives the stress P and the tangent A for the gradient of displacement
+H_si = du_s/dX_i, (3, 3) in every model. One pass through the pieces of `points`, law by law, does in this order:
 
-Everything goes through the pieces of `points`, law by law: the law is asked for its response at all points of a piece,
-and what comes of it is summed (`assembly`) or put together. Under thermal expansion L and W are taken on the warm,
-stress-free cell: L / theta and theta^3 W, with F_e = F / theta in place of F.
+    H       0 at [2, 2] in plane strain, u_x / r there in axisymmetry
+    warmth  H - (T - T0) alpha at small strains; F / theta in place of F at finite ones, L / theta and theta^3 W
+    mean    the mean change of volume of a cell (`dilatation`), if the law has it and the cell takes it
+    law     P, A, energy and history; in plane stress H_22 is solved for from P_22 = 0
+    sums    forces and tangent (`assembly`), or fields of the points
 
-Linear laws do without all this: with one C for each law `small` assembles K in a fraction of the time. Where
-`finite` is False their cells are left out.
+A law is a frozen record with the members of `PointLaw`; `MATERIAL_LAWS` of `lacsolver.case.added` makes it known to
+case files by a name. The stiffness of linear laws is constant, and `small` assembles it in a fraction of the time.
 """
 
 from __future__ import annotations
@@ -26,32 +26,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
-from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, OwnedRows, add_cells, assemble, block_values, matrix
-from lacsolver.bodies.dilatation import mean_response, with_mean_pressure
+from lacsolver.bodies.assembly import NO_MEAN, OwnedRows, add_cells, assemble, block_values, matrix
+from lacsolver.bodies.deformation import mark_inverted
+from lacsolver.bodies.dilatation import add_mean_pressure, dilated
 from lacsolver.bodies.errors import InadmissibleError
-from lacsolver.bodies.hyperelastic import Hyperelastic, NeoHookean
 from lacsolver.bodies.locking import may_take_the_mean
-from lacsolver.bodies.material import PLACES, Materials, PointLaw, PointResponse
+from lacsolver.bodies.material import PLACES, Elastic, Linear, Materials, PointLaw, PointResponse
 from lacsolver.bodies.plastic import LARGEST_FLOW, Plastic
-from lacsolver.bodies.points import Field, Piece, Span, checked, gathered, kind, piece
+from lacsolver.bodies.points import Field, Piece, Span, checked, fill_gradient, gathered, kind, piece
+from lacsolver.bodies.temperature import stretches
 from lacsolver.space.space import Space
 
 __all__ = ["DisplacedBodies", "LawHistory", "PointLaw", "PointResponse"]
 
 #: histories of laws: an array (cells, points, n) for each block of the space, () if no law has one
 LawHistory = tuple[NDArray[np.floating], ...]
-#: thermal stretches, (cells, points) for each block; None for 1 everywhere
-Stretches = Sequence[Floats] | None
-#: Newton's method for H_22 of plane stress: relative tolerance of P_22, largest number of iterations
-_CLOSE, _STEPS = 1e-12, 60
+#: Newton's method for H_22 of plane stress: tolerance of a step, largest number of iterations
+_CLOSE, _STEPS = 1e-14, 80
 
 
-class _Response(NamedTuple):
-    """Response at the points of a piece: gradient `H` of F_e, P and energy per volume, A unless empty, history.
+class _Points(NamedTuple):
+    """Response at the points of a piece (c, q, ...): gradient `H` of F_e, stress, tangent or none, energy, history.
 
-    `mean`: terms of its cells with mean dilatation.
+    Where the cells have the mean dilatation `stretch` (c, q) is that of `dilatation`, and the stress that of the law
+    alone, to its own gradient; None elsewhere.
     """
 
     H: Floats
@@ -59,19 +58,19 @@ class _Response(NamedTuple):
     tangent: Floats
     energy: Floats
     history: Floats
-    mean: MeanTerms
+    stretch: Floats | None
 
 
 @dataclass(frozen=True, eq=False)
 class DisplacedBodies:
     """Bodies at a displacement u (n_dof,): their forces, tangent, energy and stress.
 
-    `stretches`: those of `finite.thermal_stretches`. `history`: what the laws committed at the end of the last step.
-    `finite`: False for small strains, of which only cells of laws that are evaluated at points are taken. Raises
-    RequestError for a law of small strains if `finite`; the methods raise InadmissibleError where u inverts a cell at
-    one of its integration points, or lets a metal flow too far in a step.
+    `warmer`: T - T0 of `temperature.warming`. `history`: what the laws committed at the end of the last step. `finite`:
+    False for small strains. Raises RequestError for a law of the other kind; the methods raise InadmissibleError where
+    u inverts a cell at one of its integration points, or lets a metal flow too far in a step.
 
     >>> from lacmesh import Mesh
+    >>> from lacsolver.bodies.hyperelastic import NeoHookean
     >>> bar = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     >>> space = Space.of(bar, "plane_stress")
     >>> turned = np.array([0, 0, -1, 1, -2, 0, -1, -1.0])  # by 90 degrees
@@ -83,7 +82,7 @@ class DisplacedBodies:
     space: Space
     materials: Materials
     u: Floats
-    stretches: Stretches = None
+    warmer: Sequence[Floats] | None = None
     history: LawHistory = ()
     threads: int = 1
     finite: bool = True
@@ -92,50 +91,55 @@ class DisplacedBodies:
         checked(self.space, self.u)
         if self.finite:
             self.materials.check_finite()
+        else:
+            self.materials.check_small()
 
-    def internal_force(self) -> NDArray[np.floating]:
-        """Return the internal forces f_int (n_dof,), the same to round-off for any number of threads."""
-        return self._summed(np.empty((0, self.space.dim, self.space.dim)))
+    def internal_force(self, laws: Sequence[bool] | None = None) -> NDArray[np.floating]:
+        """Return the internal forces f_int (n_dof,), the same to round-off for any number of threads.
 
-    def tangent(self, out: NDArray[np.floating] | None = None) -> bsr_array:
-        """Return the symmetric K = df_int/du (n_dof, n_dof) in dim x dim blocks.
+        `laws`: those whose cells are summed, all if None.
+        """
+        return self._summed(np.empty((0, self.space.dim, self.space.dim)), laws)
+
+    def tangent(self, out: NDArray[np.floating] | None = None, laws: Sequence[bool] | None = None) -> bsr_array:
+        """Return the symmetric K = df_int/du (n_dof, n_dof) in dim x dim blocks; `laws` as in `internal_force`.
 
         `out` (n_blocks, dim, dim): array that the values of K are written to; None allocates a new one.
         """
         K = block_values(self.space, out)
-        self._summed(K)
+        self._summed(K, laws)
         return matrix(self.space, K)
 
     def energy(self) -> float:
         """Return the energy stored, times thickness or around the circle; of several processes, in its own cells."""
-        blocks, stored = self.space.blocks, self._gathered(lambda part, response: part.W * response.energy)
+        blocks, stored = self.space.blocks, self._gathered(lambda part, points: part.W * points.energy)
         return float(sum(part[self.space.own_cells(block)].sum() for part, block in zip(stored, blocks, strict=True)))
 
-    def cauchy_stress(self, degree: int | None = None) -> Field:
+    def cauchy_stress(self) -> Field:
         """Return the Cauchy stress P F^T / J (cells, points, 4 or 6), in the components of `space.COMPONENTS`.
 
-        At small strains it is the stress P, and 0 in cells of linear laws. `degree`: that of the stretches.
+        At small strains it is that of the law, in cells with mean dilatation to the strain with the mean of its trace.
         """
         rows, columns = np.array(PLACES[: self.space.model.n_stress]).T
 
-        def stress(part: Piece, response: _Response) -> NDArray[np.floating]:
-            sigma = response.stress
+        def stress(part: Piece, points: _Points) -> NDArray[np.floating]:
+            sigma = points.stress
             if self.finite:
-                F = response.H + np.eye(3)
-                sigma = sigma @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
+                F = points.H + np.eye(3)
+                sigma = self._of_cells(part, points) @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
             return np.asarray(sigma[:, :, rows, columns])
 
-        return self._gathered(stress, degree)
+        return self._gathered(stress)
 
     def commit(self) -> LawHistory:
         """Return the history of the laws at the end of a step that led to u; () if no law has one."""
-        n = max(getattr(law, "n_history", 0) for law in self.materials.laws)
+        n = max(law.n_history for law in self.materials.at_points)
         if not n:
             return ()
 
-        def padded(part: Piece, response: _Response) -> NDArray[np.floating]:
+        def padded(part: Piece, points: _Points) -> NDArray[np.floating]:
             out = np.zeros((*part.W.shape, n))
-            out[..., : response.history.shape[2]] = response.history
+            out[..., : points.history.shape[2]] = points.history
             return out
 
         return self._gathered(padded)
@@ -146,14 +150,21 @@ class DisplacedBodies:
         P_si is the first Piola stress, force along s per undeformed area across i.
         """
 
-        def of_piece(part: Piece, response: _Response) -> NDArray[np.floating]:
-            P, F = response.stress, response.H + np.eye(3)
-            if self.stretches is not None:
-                stretch = np.asarray(self.stretches[part.block])[part.cells, :, None, None]
-                P, F = stretch**2 * P, stretch * F
+        def of_piece(part: Piece, points: _Points) -> NDArray[np.floating]:
+            P, F = self._of_cells(part, points), points.H + np.eye(3)
+            if self._stretches is not None:
+                theta = self._stretches[part.block][part.cells, :, None, None]
+                P, F = theta**2 * P, theta * F
             return np.asarray(make(P, F))
 
         return self._gathered(of_piece)
+
+    @cached_property
+    def _stretches(self) -> Field | None:
+        """Thermal stretches (cells, points) of finite strains; None without temperature."""
+        if self.warmer is None or not self.finite:
+            return None
+        return stretches(self.space, self.materials, tuple(self.warmer))
 
     @cached_property
     def _overstrained(self) -> tuple[NDArray[np.bool_], ...]:
@@ -165,72 +176,70 @@ class DisplacedBodies:
         """Mask of the inverted cells of each block, filled by `_respond`."""
         return tuple(np.zeros(len(block.nodes), bool) for block in self.space.blocks)
 
-    def _summed(self, K: NDArray[np.floating]) -> NDArray[np.floating]:
+    def _summed(self, K: NDArray[np.floating], laws: Sequence[bool] | None) -> NDArray[np.floating]:
         """Return f_int, and add the values of K to `K` unless that array is empty."""
         space = self.space
         f = np.zeros((space.mesh.n_nodes, space.dim))
 
         def add(span: Span, rows: OwnedRows) -> None:
-            part = piece(space, span)
-            if self._is_by_points(part):
-                response = self._respond(part, tangent=len(K) > 0)
-                P, A, mean = response.stress, response.tangent, response.mean
-                add_cells(part.nodes, part.L, part.W, P, A, mean, kind(space), rows)
+            if not len(span[2]) or not (laws is None or laws[span[1]]):
+                return
+            part, mean = piece(space, span), NO_MEAN
+            points = self._respond(part, tangent=len(K) > 0)
+            if points.stretch is not None:
+                mean = add_mean_pressure(self.finite, points.H, part.W, points.stretch, points.stress, points.tangent)
+            add_cells(part.nodes, part.L, part.W, points.stress, points.tangent, mean, kind(space), rows)
 
         assemble(space, self.materials.law, add, f, K, self.threads)
         self._check_admissible()
         return f.ravel()
 
-    def _gathered(self, make: Callable[[Piece, _Response], NDArray[np.floating]], degree: int | None = None) -> Field:
+    def _gathered(self, make: Callable[[Piece, _Points], NDArray[np.floating]]) -> Field:
         """Return the arrays that `make` gives for the pieces, put together block by block."""
 
         def of_piece(part: Piece) -> NDArray[np.floating]:
-            response = self._respond(part) if self._is_by_points(part) else _no_response(part)
+            points = self._respond(part) if len(part.cells) else _no_points(part)
             bad = self._inverted[part.block][part.cells]
             if bad.any():  # an error names them when all are known
-                response.H[bad], response.stress[bad], response.energy[bad] = 0.0, 0.0, 0.0
-            return make(part, response)
+                points.H[bad], points.stress[bad], points.energy[bad] = 0.0, 0.0, 0.0
+            return make(part, points)
 
-        values = gathered(self.space, of_piece, laws=self.materials.law, degree=degree, threads=self.threads)
+        values = gathered(self.space, of_piece, laws=self.materials.law, threads=self.threads)
         self._check_admissible()
         return values
 
-    def _is_by_points(self, part: Piece) -> bool:
-        """True for a piece of cells whose law is evaluated at points."""
-        return len(part.cells) > 0 and self.materials.pointwise[part.law]
-
-    def _respond(self, part: Piece, tangent: bool = False) -> _Response:
+    def _respond(self, part: Piece, tangent: bool = False) -> _Points:
         """Return the response in a piece, whose L and W become those of the warm, stress-free cells."""
-        law: Any = self.materials.laws[part.law]
-        H, shape = self._gradient(part), part.W.shape
-        answer, mean = self._ask(law, part, H, tangent)
-        if law.finite:
+        law: Any = self.materials.at_points[part.law]
+        H, shape, stretch = self._gradient(part), part.W.shape, None
+        memory = self._memory(law, part).reshape(part.W.size, law.n_history)
+        own = H
+        if getattr(law, "mean_dilatation", False) and may_take_the_mean(self.space, part.block):
+            own, stretch = dilated(H, part.W, self.finite)
+        solve = self.space.model.plane_stress and not isinstance(law, Linear)
+        answer = (respond_in_plane_stress if solve else _ask)(law, own.reshape(-1, 3, 3), memory, tangent)
+        if self.finite or solve:
             inverted = np.zeros(len(H), bool)
             mark_inverted(H, inverted)
             self._inverted[part.block][part.cells] = inverted
-        P, A = np.ascontiguousarray(answer.stress, float), np.empty((0, 0, 3, 3, 3, 3))
-        if tangent:
-            A = np.ascontiguousarray(answer.tangent, float).reshape(*shape, 3, 3, 3, 3)
         history = np.reshape(answer.history, (*shape, law.n_history))
         if isinstance(law, Plastic):
-            grown = history[..., 0] - self._memory(law, part)[..., 0]
-            self._overstrained[part.block][part.cells] = (grown > LARGEST_FLOW).any(axis=1)
-        return _Response(H, P.reshape(H.shape), A, np.reshape(answer.energy, shape), history, mean)
+            flow = (history - memory.reshape(history.shape))[..., 0]
+            self._overstrained[part.block][part.cells] = (flow > LARGEST_FLOW).any(axis=1)
+        P, A = np.ascontiguousarray(answer.stress, float).reshape(H.shape), np.empty((0, 0, 3, 3, 3, 3))
+        if tangent:
+            A = np.ascontiguousarray(answer.tangent, float).reshape(*shape, 3, 3, 3, 3)
+        return _Points(H, P, A, np.reshape(answer.energy, shape), history, stretch)
 
-    def _ask(self, law: Any, part: Piece, H: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
-        """Return the answer (c q) of a law to gradients H (c, q, 3, 3), whose H_22 is filled in for plane stress."""
-        flat, plane_stress = H.reshape(-1, 3, 3), self.space.model.plane_stress
-        mean = getattr(law, "mean_dilatation", False) and may_take_the_mean(self.space, part.block)
-        if isinstance(law, NeoHookean) and mean:
-            return mean_response(law, H, part.W, tangent)
-        memory = self._memory(law, part).reshape(len(flat), law.n_history)
-        if isinstance(law, Plastic) and mean:
-            return with_mean_pressure(law, H, part.W, law.respond(flat, memory, tangent=tangent, mean=True), tangent)
-        if isinstance(law, (Hyperelastic, Plastic)):
-            return law.respond(flat, memory, plane_stress=plane_stress, tangent=tangent), NO_MEAN
-        return _plane_stress(law, flat, memory) if plane_stress else law.respond(flat, memory), NO_MEAN
+    def _of_cells(self, part: Piece, points: _Points) -> Floats:
+        """Return the stress P (c, q, 3, 3) whose work is the forces', with the pressure of the cells."""
+        if points.stretch is None:
+            return points.stress
+        P = points.stress.copy()
+        add_mean_pressure(self.finite, points.H, part.W, points.stretch, P, points.tangent)
+        return P
 
-    def _memory(self, law: Any, part: Piece) -> NDArray[np.floating]:
+    def _memory(self, law: PointLaw, part: Piece) -> NDArray[np.floating]:
         """Return the history (c, q, n_history) of a piece, 0 at the start."""
         if not self.history:
             return np.zeros((*part.W.shape, law.n_history))
@@ -239,15 +248,16 @@ class DisplacedBodies:
     def _gradient(self, part: Piece) -> NDArray[np.floating]:
         """Return H (c, q, 3, 3) of F_e = I + H, at small strains without the thermal strain."""
         theta = None
-        if self.stretches is not None:
-            theta = np.asarray(self.stretches[part.block])[part.cells]
-            if self.finite:
-                part.L[:] /= theta[..., None, None]
-                part.W[:] *= theta**3
+        if self._stretches is not None:
+            theta = self._stretches[part.block][part.cells]
+            part.L[:] /= theta[..., None, None]
+            part.W[:] *= theta**3
         H = np.empty((*part.W.shape, 3, 3))
         fill_gradient(part.nodes, part.L, np.asarray(self.u, float).reshape(-1, self.space.dim), kind(self.space), H)
         if theta is not None:
-            np.einsum("cqii->cqi", H)[:] += ((1.0 - theta) / (theta if self.finite else 1.0))[..., None]
+            np.einsum("cqii->cqi", H)[:] += ((1.0 - theta) / theta)[..., None]
+        elif self.warmer is not None:
+            H -= self.warmer[part.block][part.cells][..., None, None] * self.materials.thermal_strain[part.law]
         return H
 
     def _check_admissible(self) -> None:
@@ -260,63 +270,52 @@ class DisplacedBodies:
                 raise InadmissibleError(message, mesh.cell_number[cells])
 
 
-def _no_response(part: Piece) -> _Response:
-    """Return zeros."""
+def _no_points(part: Piece) -> _Points:
+    """Return the response of a piece without cells."""
     zero, none = np.zeros((*part.W.shape, 3, 3)), np.empty((*part.W.shape, 0))
-    return _Response(zero, zero, np.empty((0, 0, 3, 3, 3, 3)), np.zeros(part.W.shape), none, NO_MEAN)
+    return _Points(zero, zero, np.empty((0, 0, 3, 3, 3, 3)), np.zeros(part.W.shape), none, None)
 
 
-def _plane_stress(law: PointLaw, H: Floats, history: Floats) -> PointResponse:
-    """Fill in H_22 (k,) such that P_22 = 0, in place, and return the response without the direction 22."""
-    respond: Callable[[Floats, Floats], PointResponse] = law.respond
-    answer = respond(H, history)
+def _ask(law: Any, H: Floats, history: Floats, tangent: bool) -> PointResponse:
+    """Return the response of a law to gradients H (k, 3, 3); those of this package form a tangent only if asked to."""
+    own = isinstance(law, (Elastic, Linear))
+    answer: PointResponse = law.respond(H, history, tangent) if own else law.respond(H, history)
+    return answer
+
+
+def respond_in_plane_stress(law: Any, H: Floats, history: Floats, tangent: bool = True) -> PointResponse:
+    """Fill in H_22 (k,) such that P_22 = 0, in place, and return the response without the direction 22.
+
+    Newton's method for Kirchhoff's stress P_22 F_22 as a function of x = ln F_22, in which laws are least curved; at
+    small strains for P_22 and x = H_22. The stress grows with x, so that the root stays between bounds, and a step that
+    leaves them is halved. Where there is no root, H_22 becomes NaN.
+    """
+    H[:, 2, 2] = 0.0
+    n = len(H)
+    x, low, high, left, failed = np.zeros(n), np.full(n, -np.inf), np.full(n, np.inf), np.arange(n), np.zeros(n, bool)
     for _ in range(_STEPS):
-        across, stiff = answer.stress[:, 2, 2], answer.tangent[:, 2, 2, 2, 2]
-        step = across / stiff
-        if np.abs(step).max(initial=0.0) <= _CLOSE * (1.0 + np.abs(H[:, 2, 2]).max(initial=0.0)):
+        answer = _ask(law, H[left], history[left], True)
+        across, stiff, F = answer.stress[:, 2, 2], answer.tangent[:, 2, 2, 2, 2], 1.0 + H[left, 2, 2]
+        with np.errstate(all="ignore"):
+            step = across / (stiff * F + across if law.finite else stiff)
+        low[left], high[left] = np.where(across < 0, x[left], low[left]), np.where(across > 0, x[left], high[left])
+        done = np.abs(step) <= _CLOSE * (np.abs(x[left]) + np.abs(H[left]).max(axis=(1, 2)))
+        failed[left] = ~np.isfinite(step)
+        new = x[left] - step
+        between = (new > low[left]) & (new < high[left]) | done | failed[left]
+        ends, beyond = np.stack([low[left], high[left]]), x[left] - 0.5 * np.sign(across)
+        middle = np.where(np.isfinite(ends).all(axis=0), ends.sum(axis=0, where=np.isfinite(ends)) / 2, beyond)
+        x[left] = np.where(failed[left], 0.0, np.where(between, new, middle))
+        H[left, 2, 2] = np.expm1(x[left]) if law.finite else x[left]
+        left = left[~done & ~failed[left]]
+        if not len(left):
             break
-        H[:, 2, 2] -= step
-        answer = respond(H, history)
-    row, column = answer.tangent[:, 2, 2], answer.tangent[:, :, :, 2, 2]
-    condensed = np.einsum("ksi,ktj,k->ksitj", column, row, 1 / answer.tangent[:, 2, 2, 2, 2])
-    return answer._replace(tangent=answer.tangent - condensed)
-
-
-@kernel
-def fill_gradient(nodes: Any, L: Any, u: Any, kind: Any, H: Any) -> None:
-    """Fill H (c, q, 3, 3) with du_s/dX_i of cells of nodes (c, n) at u (n_nodes, dim); L (c, q, rows, n)."""
-    for e in range(len(nodes)):
-        for q in range(L.shape[1]):
-            h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
-            for a in range(nodes.shape[1]):
-                p = nodes[e, a]
-                u0, u1, g0, g1 = u[p, 0], u[p, 1], L[e, q, 0, a], L[e, q, 1, a]
-                h00 += u0 * g0
-                h01 += u0 * g1
-                h10 += u1 * g0
-                h11 += u1 * g1
-                if kind.dim == 3:
-                    u2, g2 = u[p, 2], L[e, q, 2, a]
-                    h02 += u0 * g2
-                    h12 += u1 * g2
-                    h20 += u2 * g0
-                    h21 += u2 * g1
-                    h22 += u2 * g2
-                elif kind.axisymmetric:
-                    h22 += u0 * L[e, q, 2, a]
-            H[e, q, 0, 0], H[e, q, 0, 1], H[e, q, 0, 2] = h00, h01, h02
-            H[e, q, 1, 0], H[e, q, 1, 1], H[e, q, 1, 2] = h10, h11, h12
-            H[e, q, 2, 0], H[e, q, 2, 1], H[e, q, 2, 2] = h20, h21, h22
-
-
-@kernel
-def mark_inverted(H: Any, inverted: Any) -> None:
-    """Set `inverted` (c,) for cells where det(I + H), H (c, q, 3, 3), is not above 0 at every point."""
-    for e in range(len(H)):
-        for q in range(H.shape[1]):
-            h = H[e, q]
-            a, b, c = 1.0 + h[0, 0], 1.0 + h[1, 1], 1.0 + h[2, 2]
-            J = a * (b * c - h[1, 2] * h[2, 1]) - h[0, 1] * (h[1, 0] * c - h[1, 2] * h[2, 0])
-            J += h[0, 2] * (h[1, 0] * h[2, 1] - b * h[2, 0])
-            if not J > 0.0:
-                inverted[e] = True
+    failed[left] = True
+    answer = _ask(law, H, history, tangent)
+    H[failed, 2, 2] = np.nan
+    stress, A = np.array(answer.stress, float), answer.tangent
+    stress[:, 2, 2] = 0.0
+    if tangent:
+        with np.errstate(all="ignore"):
+            A = A - np.einsum("ksi,ktj,k->ksitj", A[:, :, :, 2, 2], A[:, 2, 2], 1 / A[:, 2, 2, 2, 2])
+    return answer._replace(stress=stress, tangent=A)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats
 from lacsolver.bodies.hyperelastic import SaintVenantKirchhoff
-from lacsolver.bodies.kinematics import Finite
 from lacsolver.bodies.locking import LOCKING, ROUNDING, nearly_incompressible, poisson_of
 from lacsolver.bodies.material import Law, Materials, Orthotropic
 from lacsolver.bodies.plastic import Plastic
@@ -104,7 +103,7 @@ def most_compressed(problem: Problem, state: State) -> NDArray[np.floating]:
     space, body, materials = problem.space, problem.kinematics, problem.materials
     out = np.full((len(materials.laws), 2 + space.dim), np.inf)
     softens = np.array([isinstance(law, SaintVenantKirchhoff) for law in materials.laws])
-    if not (softens.any() and isinstance(body, Finite)):
+    if not (softens.any() and body.finite):
         return out
     theta = body.stretches(state.time)
     most = WARNED * max([1.0, *(part.max(initial=0.0) for part in theta or ())])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating

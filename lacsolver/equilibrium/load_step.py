@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.equilibrium.active_set import (
     BLOCKS_OF_NEWTON,
     LOOSE_WITH_SPRINGS,

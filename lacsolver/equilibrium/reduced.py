@@ -17,7 +17,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import DataError, LacmeshWarning, some
 from lacmesh.mesh import Floats, Ints
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme

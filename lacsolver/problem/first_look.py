@@ -54,10 +54,9 @@ def motion_found(problem: Problem) -> MotionFound:
 
 
 def _speeds(problem: Problem) -> np.ndarray:
-    """Return the speed of pressure waves in each law, the largest of all axes, sqrt(C_kk / rho)."""
-    C, _ = problem.materials.tables
+    """Return the speed of pressure waves in each law, the largest of all axes, sqrt(A_kkkk / rho)."""
     density = np.array([law.density for law in problem.materials.laws])
-    stiff = np.array([np.diag(c)[:3].max() for c in C])
+    stiff = np.einsum("ckkkk->ck", problem.materials.tensors).max(axis=1)
     return np.sqrt(stiff / density)
 
 

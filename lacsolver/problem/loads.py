@@ -20,7 +20,7 @@ from lacmesh.surface import Surface
 from lacmesh.surface.normals import unit
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small import internal_force
-from lacsolver.bodies.small.fields import TemperatureField
+from lacsolver.bodies.temperature import TemperatureField
 from lacsolver.case import BodyForce, Case, Coupling, Force, Gravity, Pressure, Temperature, Traction
 from lacsolver.case.entry import Entry
 from lacsolver.case.value import Value
@@ -54,7 +54,7 @@ class Loads:
     """All loads of a case, except springs and loads on rigid bodies.
 
     `thermal`: that of all temperatures under small kinematics; under finite ones they are a part of the internal forces
-    (`kinematics.Finite`). `finite`: True if forces act at displaced nodes.
+    (`kinematics.Kinematics`). `finite`: True if forces act at displaced nodes.
     """
 
     space: Space
@@ -323,7 +323,7 @@ def thermal_force(
 
 
 def temperature_of(space: Space, materials: Materials, records: Sequence[Temperature]) -> TemperatureField | None:
-    """Return temperatures as (value, cells) pairs, as `bodies.small.stress` takes them; None if there are none.
+    """Return temperatures as (value, cells) pairs, as `temperature.warming` takes them; None if there are none.
 
     Each has the cells of one law, since a number is ramped from the law's own reference.
     """

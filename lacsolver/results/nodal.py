@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacsolver.bodies.points import Field
-from lacsolver.bodies.small import weights
-from lacsolver.bodies.small.fields import scatter
+from lacsolver.bodies.assembly import scatter
+from lacsolver.bodies.points import Field, weights
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
 

@@ -33,7 +33,7 @@ from scipy.sparse import csr_array
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
-from lacsolver.bodies.small.fields import scatter
+from lacsolver.bodies.assembly import scatter
 from lacsolver.results.patches import patches_of
 
 Bools = NDArray[np.bool_]

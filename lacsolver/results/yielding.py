@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.kinematics import Finite
 from lacsolver.bodies.plastic import Plastic
-from lacsolver.bodies.points import Field
-from lacsolver.bodies.small import weights
+from lacsolver.bodies.points import Field, weights
 from lacsolver.equilibrium.state import State
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_values, von_mises
@@ -73,7 +71,7 @@ def dissipated(problem: Problem, history: tuple[Floats, ...], t: float) -> float
     space, total = problem.space, 0.0
     if not yields(problem):
         return total
-    stretches = problem.kinematics.stretches(t) if isinstance(problem.kinematics, Finite) else None
+    stretches = problem.kinematics.stretches(t) if problem.kinematics.finite else None
     for k, (block, p, W) in enumerate(zip(space.blocks, plastic_strain(problem, history), weights(space), strict=True)):
         volume = W if stretches is None else W * stretches[k] ** 3  # energies are those of the warm, stress-free cells
         for which, law in enumerate(problem.materials.laws):

@@ -5,10 +5,8 @@ including nodes that belong to no cell of the model's dimension: `attached` dist
 their unknowns out. Stress and strain have components xx, yy, zz, xy (plane, axisymmetric), and yz, xz (3D), in the
 order of VTK. Shear strains are engineering strains, 2 eps_xy.
 
-The strain is computed from the generalised gradient L u: du_s/dX_i, and in axisymmetry, where zz is the hoop, L has a
-third row u_x / r. `ModellingHypothesis.slots` lists the entries of L u that each strain component sums; the same table
-gives the forces of a stress, and the tensor A of the stiffness from a law's matrix, so that no model needs code of its
-own.
+The gradient of displacement H_si = du_s/dX_i, (3, 3) in every model, is computed from the generalised gradient L u:
+du_s/dX_i, and in axisymmetry, where H_22 is the hoop, a third row u_x / r.
 """
 
 from __future__ import annotations
@@ -48,16 +46,18 @@ _PIECE = 1 << 18
 class ModellingHypothesis:
     """Kinematic model: 3d, plane strain, plane stress or axisymmetric.
 
-    `dim` d: components of displacement; `rows` l: rows of the generalised gradient L u. `slots`: (k, i, s) for every
-    entry L_i u_s in the sum of strain component k. `plane_stress`: True if the strain zz is free.
+    `dim` d: components of displacement. `plane_stress`: True if the strain zz is free.
     """
 
     name: str
     dim: int
-    rows: int
-    slots: tuple[tuple[int, int, int], ...]
     axisymmetric: bool = False
     plane_stress: bool = False
+
+    @property
+    def rows(self) -> int:
+        """Rows l of the generalised gradient L u."""
+        return self.dim + self.axisymmetric
 
     @property
     def n_stress(self) -> int:
@@ -66,25 +66,25 @@ class ModellingHypothesis:
 
     @cached_property
     def selector(self) -> NDArray[np.floating]:
-        """S (n_stress, l, d): strain_k = sum over i, s of S_kis L_i u_s; sum_k S_kis stress_k is conjugate to L u."""
-        S = np.zeros((self.n_stress, self.rows, self.dim))
-        for k, i, s in self.slots:
-            S[k, i, s] = 1.0
+        """S (3, 3, l, d): H_si = sum over k, a of S_sika L_k u_a."""
+        S = np.zeros((3, 3, self.rows, self.dim))
+        for s in range(self.dim):
+            for i in range(self.dim):
+                S[s, i, i, s] = 1.0
+        if self.axisymmetric:
+            S[2, 2, 2, 0] = 1.0
         return S
 
 
-_PLANE = ((0, 0, 0), (1, 1, 1), (3, 0, 1), (3, 1, 0))
-_HOOP = (2, 2, 0)
-_SOLID = (*_PLANE, (2, 2, 2), (4, 1, 2), (4, 2, 1), (5, 0, 2), (5, 2, 0))
 #: the models, by name
 MODELS: Mapping[str, ModellingHypothesis] = MappingProxyType(
     {
         m.name: m
         for m in (
-            ModellingHypothesis("3d", 3, 3, _SOLID),
-            ModellingHypothesis("plane_strain", 2, 2, _PLANE),
-            ModellingHypothesis("plane_stress", 2, 2, _PLANE, plane_stress=True),
-            ModellingHypothesis("axisymmetric", 2, 3, (*_PLANE, _HOOP), axisymmetric=True),
+            ModellingHypothesis("3d", 3),
+            ModellingHypothesis("plane_strain", 2),
+            ModellingHypothesis("plane_stress", 2, plane_stress=True),
+            ModellingHypothesis("axisymmetric", 2, axisymmetric=True),
         )
     }
 )

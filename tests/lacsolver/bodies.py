@@ -11,8 +11,10 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.generate.parts import box_of
 from lacsolver.bodies.material import Materials
+from lacsolver.bodies.points import fill_gradient, gathered, kind
 from lacsolver.bodies.pointwise import DisplacedBodies
 from lacsolver.space.space import Space
+from tests.lacsolver import plain
 from tests.meshes import pad
 
 #: every cell that carries displacements
@@ -138,6 +140,23 @@ def solved(K, u, free, f=None):
     out = u.copy()
     out[free] = spsolve(K[free][:, free], (f - K[:, ~free] @ u[~free])[free])
     return out
+
+
+def displacement(space, u, degree=None):
+    """Return the displacement (cells, points, dim) of u (n_dof,) at the points of a rule, block by block."""
+    return gathered(space, lambda part: part.N @ u.reshape(-1, space.dim)[part.nodes], degree=degree)
+
+
+def strain(space, u, degree=None):
+    """Return the strain (cells, points, 4 or 6) of u (n_dof,) at the points of a rule, block by block."""
+    rows, columns = np.array(plain.PAIRS[: space.model.n_stress]).T
+
+    def of(part):
+        H = np.empty((*part.W.shape, 3, 3))
+        fill_gradient(part.nodes, part.L, u.reshape(-1, space.dim), kind(space), H)
+        return (H + H.swapaxes(2, 3))[..., rows, columns] * np.where(rows == columns, 0.5, 1.0)
+
+    return gathered(space, of, degree=degree)
 
 
 # ---- at finite strains, each by one call

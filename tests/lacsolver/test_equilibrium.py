@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.equilibrium.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.row_set import RowSet

@@ -12,12 +12,13 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
-from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
-from lacsolver.bodies.finite import InadmissibleError, NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.errors import InadmissibleError
+from lacsolver.bodies.hyperelastic import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import kinematics_of
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.bodies.temperature import warming
 from lacsolver.problem.loads import thermal_force
 from lacsolver.problem.springs import to_ground
 from lacsolver.space.space import MODELS, Space
@@ -203,7 +204,7 @@ def test_a_bar_pulled_along_x_and_a_ring_widened(model, free, law, stretch, thet
     """
     order = "1" if model == "3d" else "2"
     space, materials = made(distorted(unturned(order, model), 0.03), model, LAWS[law])
-    how = {} if theta == 1 else {"stretches": finite.thermal_stretches(space, materials, 120.0)}
+    how = {} if theta == 1 else {"warmer": warming(space, materials, 120.0)}
     elastic = np.array([stretch, 0.8, stretch]) if free is None else stretches(LAWS[law], 0, stretch, free, 1 / theta)
     F, P, dim = theta * elastic, theta**2 * nominal(LAWS[law], elastic), space.dim
     u = (space.mesh.points[:, :dim] * (F[:dim] - 1)).ravel()
@@ -227,14 +228,12 @@ def test_a_little_warmth_is_that_of_small_strains(model):
     space, materials = two_laws("2", model)
     warm = [(lambda x, t: 20 + t * x[:, 0], space.cells(("a",)))]
     size = 1e-5
-    f = internal_force(
-        space, materials, np.zeros(space.n_dof), stretches=finite.thermal_stretches(space, materials, warm, size)
-    )
+    f = internal_force(space, materials, np.zeros(space.n_dof), warmer=warming(space, materials, warm, size))
     linear = assemble.internal_force(space, linearised(materials), np.zeros(space.n_dof), temperature=warm, t=size)
     np.testing.assert_allclose(f, linear, rtol=0, atol=1e-6 * np.abs(linear).max())
-    assert finite.thermal_stretches(space, materials, None) is None
+    assert warming(space, materials, None) is None
     with pytest.raises(DataError, match=r"at time 2 the temperature shrinks cells .* to nothing"):
-        finite.thermal_stretches(space, materials, -600.0, 2.0)
+        warming(space, materials, -600.0, 2.0)
 
 
 @EVERY_LAW
@@ -332,11 +331,11 @@ def test_a_tangent_is_not_written_over_by_the_next_and_stretches_follow_the_time
     assert abs(body.tangent(0.5 * u, 2.0) - K).max() > 1e-3 * abs(K).max()
     assert abs(K - kept).max() == 0
     for t in (2.0, 1.0):
-        theta = finite.thermal_stretches(space, materials, WARM, t)
+        warmer = warming(space, materials, WARM, t)
         assert np.array_equal(
-            internal_force(space, materials, u, stretches=theta) + springs @ u, body.internal_force(u, t)
+            internal_force(space, materials, u, warmer=warmer) + springs @ u, body.internal_force(u, t)
         )
-        for one, other in zip(cauchy_stress(space, materials, u, stretches=theta), body.stress(u, t), strict=True):
+        for one, other in zip(cauchy_stress(space, materials, u, warmer=warmer), body.stress(u, t), strict=True):
             assert np.array_equal(one, other)
     inward = -2 * space.mesh.points[:, :2].ravel() * np.tile([1.0, 0.0], space.mesh.n_nodes)
     for ask in (body.internal_force, body.tangent, body.stress, body.energy):

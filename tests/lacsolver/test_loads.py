@@ -13,6 +13,7 @@ from lacsolver.bodies import small as assemble
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
+from lacsolver.bodies.points import points, weights
 from lacsolver.case import (
     BodyForce,
     CaseError,
@@ -32,7 +33,16 @@ from lacsolver.problem.loads import load_of, on_skin, pressure, thermal_force
 from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
-from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
+from tests.lacsolver.bodies import (
+    PAIRS,
+    displacement,
+    distorted,
+    mixture,
+    one_cell,
+    plane_mixture,
+    strain,
+    with_skin,
+)
 from tests.lacsolver.test_finite import by_differences
 from tests.problems import case_of
 from tests.quality_cells import rotation
@@ -85,8 +95,8 @@ def test_the_work_of_a_pressure_is_that_of_the_change_of_volume(name, model):
     v = np.random.default_rng(0).normal(size=space.n_dof)
     degree = 24 if CELLS[name].dim == 2 else 16
     zz = (2,) if model == "axisymmetric" or space.dim == 3 else ()
-    parts = assemble.weights(space, degree), assemble.points(space, degree)
-    (w,), (x,), (e,), (u,) = (*parts, *(of(space, v, degree) for of in (assemble.strain, assemble.displacement)))
+    parts = weights(space, degree), points(space, degree)
+    (w,), (x,), (e,), (u,) = (*parts, *(of(space, v, degree) for of in (strain, displacement)))
     exact = (w * ((3 + 4 * x[..., 1]) * e[..., [0, 1, *zz]].sum(axis=-1) + 4 * u[..., 1])).sum()
     got = pressed(space, skin, lambda x, t: 3 + t * x[:, 1]).force(4.0, None)
     assert got @ v == pytest.approx(-exact, rel=1e-12)
@@ -157,7 +167,7 @@ def test_a_traction_along_the_normal_is_a_pressure(name, model):
 def test_the_work_of_a_body_force_of_which_weight_is_one(name, model):
     space, _ = curved(name, model)
     v = np.random.default_rng(0).normal(size=space.n_dof)
-    (w,), (u,) = assemble.weights(space, 20), assemble.displacement(space, v, 20)
+    (w,), (u,) = weights(space, 20), displacement(space, v, 20)
     f = acting(space, BodyForce(**along("f", [lambda x, t: np.exp(t) + 0 * x[:, 0], 2.0, -1.0][: space.dim])))
     exact = (w * (u @ np.array([np.e, 2.0, -1.0])[: space.dim])).sum()
     # r N det J of TRIA7 has degree 10 with the bubble in all three; the rule of plane quadratic cells has it
@@ -210,8 +220,7 @@ def check_warm(space, law, temperature, u, stress=0.0, t=0.0):
 def test_a_free_body_expands_without_stress(order, model, law):
     space = Space.of(mixed(order, model), model)
     strain = np.zeros(6)
-    alpha = 50.0 * Materials.of(space, law).tables[1][0]
-    strain[: len(alpha)] = alpha
+    strain[: space.model.n_stress] = 50.0 * law.thermal_strain()[: space.model.n_stress]
     xx, yy, zz, xy, yz, xz = strain * [1, 1, 1, 0.5, 0.5, 0.5]
     u = space.mesh.points @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     check_warm(space, law, law.reference_temperature + 50.0, u)

@@ -14,14 +14,14 @@ from lacmesh import cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, LacmeshWarning
 from lacmesh.generate import ring
-from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
-from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.hyperelastic import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import kinematics_of
 from lacsolver.bodies.locking import nearly_incompressible, poisson_of
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.plastic import Plastic
 from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.bodies.temperature import warming
 from lacsolver.case import Material, Pressure, Solver, Steps, Temperature
 from lacsolver.doubts.materials import LARGEST, most_compressed, softened, too_stiff, worse
 from lacsolver.doubts.rules import Doubts
@@ -166,7 +166,7 @@ def without(space, law):
 @pytest.mark.parametrize(("law", "theta"), [(RUBBER, 1.0), (WARM, 1.0), (WARM, 1.2)], ids=["rubber", "soft", "warm"])
 def test_forces_equal_their_twin_and_the_tangent_is_their_derivative(name, model, law, theta):
     space, materials = made(one_cell(name, 0.1), model, law)
-    how = {} if theta == 1 else {"stretches": finite.thermal_stretches(space, materials, 120.0)}
+    how = {} if theta == 1 else {"warmer": warming(space, materials, 120.0)}
     u = shaken(space, 0.05)
     f, K = force_and_tangent(space, materials, u, **how)
     twin, energy = plain.mean_force(space, materials, u, theta)

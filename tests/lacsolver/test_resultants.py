@@ -11,7 +11,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.generate import box, rectangle
 from lacsolver import CaseError
-from lacsolver.bodies.small import points, weights
+from lacsolver.bodies.points import points, weights
 from lacsolver.case import BodyForce, Force, Gravity, Material, Pressure, Traction
 from lacsolver.cli import main
 from lacsolver.problem.loads import load_of

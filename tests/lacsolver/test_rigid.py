@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError
-from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.case import CaseError, Displacement, Material, Rigid
 from lacsolver.constraints import Constraints, constraints_of, rotation
 from lacsolver.space.space import MODELS, Space

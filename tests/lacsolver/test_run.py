@@ -11,7 +11,7 @@ import pytest
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.kernels import Kernel
-from lacsolver.bodies.small import points
+from lacsolver.bodies.points import points
 from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, Steps, Tie
 from lacsolver.equilibrium.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.equilibrium.stepping import NotConvergedError, march

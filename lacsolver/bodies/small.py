@@ -1,15 +1,10 @@
-"""The stiffness K_ab,st = int A_sitj L_ia L_jb dV, summed directly into its block-CSR pattern.
+"""Bodies of linear laws at small strains: their stiffness, stress and nodal forces.
 
-A cell's L and L W are stacked over its points; one product M = (L W)^T L gives all int L_ia L_jb, and since A is
-constant in a cell, K is the sum of the few terms A_sitj M_ij that are not zero (`Materials.terms`): 21 of 81 for an
-isotropic solid. This takes less than half the time of the general sum of `assembly`, into whose rows it goes.
-
-In a cell with mean dilatation (`bodies.locking`) the strain is P B u + m g.u / 3, with P the deviator, m = (1, 1, 1, 0,
-...), and g (d, n) the mean over the cell of the divergence of the shape functions. Then A is that of P C P, and
-
-    K_ab,st += V (r_sa g_tb + g_sa r_tb + bulk g_sa g_tb),    V r = int B^T P C m / 3 dV,    bulk = m^T C m / 9
-
-with r = 0 for an isotropic law.
+K_ab,st = int A_sitj L_ia L_jb dV is summed directly into its block-CSR pattern. A cell's L and L W are stacked over its
+points; one product M = (L W)^T L gives all int L_ia L_jb, and since A is constant in a cell, K is the sum of the few
+terms A_sitj M_ij that are not zero (`Materials.terms`): 21 of 81 for an isotropic solid. This takes less than half the
+time of the general sum of `assembly`, into whose rows it goes. The terms of cells with mean dilatation are constant
+too: A, R and b of `dilatation`, with G = I / V.
 """
 
 from __future__ import annotations
@@ -21,11 +16,26 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
-from lacsolver.bodies.assembly import OwnedRows, add_mean, add_row, assemble, block_values, matrix, sort_places
+from lacmesh.mesh import Floats
+from lacsolver.bodies.assembly import (
+    OwnedRows,
+    add_force,
+    add_mean,
+    add_row,
+    assemble,
+    block_values,
+    matrix,
+    multiply,
+    sort_places,
+)
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.points import Span, at_points, depth_of, kind, table
+from lacsolver.bodies.points import Field, Span, at_points, depth_of, kind, table
+from lacsolver.bodies.pointwise import DisplacedBodies
+from lacsolver.bodies.temperature import TemperatureField, warming
 from lacsolver.space.space import Space
+
+_IDENTITY = np.eye(3)
 
 
 def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> bsr_array:
@@ -64,6 +74,54 @@ def stiffness_values(
     return K
 
 
+def displaced(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    temperature: TemperatureField | None = None,
+    t: float = 1.0,
+    threads: int = 1,
+) -> DisplacedBodies:
+    """Return the bodies at a displacement u (n_dof,) and a time t. Raises RequestError for a law of finite strains."""
+    warmer = warming(space, materials, temperature, t)
+    return DisplacedBodies(space, materials, u, warmer, threads=threads, finite=False)
+
+
+def stress(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    temperature: TemperatureField | None = None,
+    t: float = 1.0,
+    threads: int = 1,
+) -> Field:
+    """Return the stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at time t, (cells, points, 4 or 6).
+
+    `temperature`: a number or f(points, t), or (value, cells) pairs. There is no thermal strain for None and in cells
+    of no pair.
+    Raises RequestError for a law of finite strains.
+    """
+    return displaced(space, materials, u, temperature, t, threads).cauchy_stress()
+
+
+def internal_force(
+    space: Space,
+    materials: Materials,
+    u: Floats,
+    *,
+    temperature: TemperatureField | None = None,
+    t: float = 1.0,
+    threads: int = 1,
+) -> NDArray[np.floating]:
+    """Return f_int (n_dof,), the nodal forces of the stress of u (n_dof,) in cells of linear laws.
+
+    The result is the same to round-off for any number of threads. Raises RequestError for a law of finite strains.
+    """
+    linear = tuple(not own for own in materials.pointwise)
+    return displaced(space, materials, u, temperature, t, threads).internal_force(linear)
+
+
 @kernel(costly=10)  # compiles as long as a million numbers take, and is called once
 def add_cells_of_one_law(
     cells: Any, nodes: Any, x: Any, table: Any, kind: Any, depth: Any, terms: Any, law: int, rows: Any
@@ -76,37 +134,31 @@ def add_cells_of_one_law(
     m = kind.rows * n
     L, W = np.empty((n_points, kind.rows, n)), np.empty(n_points)
     WH, M, K = np.empty((n_points, m)), np.empty((m, m)), np.empty((dim * (dim + 1) // 2, n * n))
-    g, r, order = np.empty((dim, n)), np.empty((dim, n)), np.empty(n, np.int64)
+    g, r, order = np.empty((n, dim)), np.empty((n, dim)), np.empty(n, np.int64)
     owner, mine, pattern, _, out = rows
     for c, e in enumerate(cells):
         at_points(nodes, e, x, table, kind, depth[c], L, W)
-        product(L.reshape(n_points, m), W, WH, M)
+        H = L.reshape(n_points, m)
+        for q in range(n_points):
+            for i in range(m):
+                WH[q, i] = W[q] * H[q, i]
+        multiply(WH, H, M)
         if dim == 3 and terms.lame[law, 1] > 0:
             _isotropic(M, n, terms.lame[law, 0], terms.lame[law, 1], K)
         else:
             _combine(M, n, kind.rows, terms, law, K)
-        if terms.bulk[law] > 0:
-            V = _mean(L, W, terms.coupling[law], g, r)
-            add_mean(r, g, terms.bulk[law] * V, K)
+        if terms.b[law] > 0:
+            V = W.sum()
+            r[:] = 0.0
+            g[:] = 0.0
+            for q in range(n_points):
+                add_force(W[q], terms.R[law], L[q], kind, r)
+                add_force(W[q] / V, _IDENTITY, L[q], kind, g)
+            add_mean(r, g, terms.b[law] * V, K)
         sort_places(nodes, e, order)
         for a in range(n):
             if owner[nodes[e, a]] == mine:
                 add_row(nodes, e, order, a, K, pattern, out, dim)
-
-
-@kernel
-def product(H: Any, W: Any, WH: Any, M: Any) -> None:
-    """Fill M = H^T W H. A single point is summed without BLAS, whose call would cost more."""
-    m = H.shape[1]
-    for q in range(len(W)):
-        for r in range(m):
-            WH[q, r] = W[q] * H[q, r]
-    if len(W) > 1:
-        np.dot(WH.T, H, M)
-        return
-    for r in range(m):
-        for c in range(m):
-            M[r, c] = WH[0, r] * H[0, c]
 
 
 @kernel
@@ -135,25 +187,3 @@ def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
             K[3, ab] = (lam + mu) * M[y + a, y + b] + trace
             K[4, ab] = lam * M[y + a, z + b] + mu * M[z + a, y + b]
             K[5, ab] = (lam + mu) * M[z + a, z + b] + trace
-
-
-@kernel
-def _mean(L: Any, W: Any, coupling: Any, g: Any, r: Any) -> float:
-    """Fill g (dim, n), and r (dim, n) with V r of the module's page; return the volume V."""
-    n_rows, dim, n = L.shape[1], g.shape[0], g.shape[1]
-    g[:] = 0.0
-    r[:] = 0.0
-    V = 0.0
-    for q in range(len(W)):
-        V += W[q]
-        for a in range(n):
-            for s in range(dim):
-                g[s, a] += W[q] * L[q, s, a]
-                for i in range(n_rows):
-                    r[s, a] += W[q] * coupling[i, s] * L[q, i, a]
-            if n_rows > dim:
-                g[0, a] += W[q] * L[q, 2, a]
-    for s in range(dim):
-        for a in range(n):
-            g[s, a] /= V
-    return V
