@@ -46,27 +46,28 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "stars", partial(lacmesh.cut_skin, box((6, 5, 1), kind="TETRA4"), "top", macro="stars")
     yield "multigrid", _multigrid
     yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
-    for model, law, cells, poisson in _SOLVED:
-        yield f"{model}, {law}, {cells}", partial(_march, model, law, cells, poisson)
+    for model, law, cells, poisson, kinematics in _SOLVED:
+        yield f"{model}, {law}, {cells}, {kinematics}", partial(_march, model, law, cells, poisson, kinematics)
     yield "mass", _mass
     yield "friction", _friction
 
 
-#: model, law of large deformation or none, cells, Poisson's ratio
+#: model, law or none for the linear one, cells, Poisson's ratio, kinematics
 _SOLVED = (
-    ("3d", "neo_hookean", "HEXA8", 0.3),
-    ("3d", "saint_venant_kirchhoff", "TETRA4", 0.3),
-    ("plane_strain", "neo_hookean", "QUAD4", 0.49),
-    ("plane_strain", "saint_venant_kirchhoff", "QUAD8", 0.3),
-    ("axisymmetric", "neo_hookean", "QUAD4", 0.3),
-    ("plane_strain", "plastic", "QUAD4", 0.3),
-    ("3d", "", "HEXA20", 0.3),
-    ("plane_stress", "", "QUAD8", 0.3),
-    ("axisymmetric", "", "TRIA3", 0.3),
+    ("3d", "neo_hookean", "HEXA8", 0.3, "finite"),
+    ("3d", "saint_venant_kirchhoff", "TETRA4", 0.3, "finite"),
+    ("plane_strain", "neo_hookean", "QUAD4", 0.49, "finite"),
+    ("plane_strain", "saint_venant_kirchhoff", "QUAD8", 0.3, "finite"),
+    ("axisymmetric", "neo_hookean", "QUAD4", 0.3, "finite"),
+    ("plane_strain", "plastic", "QUAD4", 0.3, "finite"),
+    ("plane_strain", "plastic", "QUAD4", 0.3, "small"),
+    ("3d", "", "HEXA20", 0.3, "small"),
+    ("plane_stress", "", "QUAD8", 0.3, "small"),
+    ("axisymmetric", "", "TRIA3", 0.3, "small"),
 )
 
 
-def _march(model: str, law: str, cells: str, poisson: float) -> None:
+def _march(model: str, law: str, cells: str, poisson: float, kinematics: str) -> None:
     dim, up = (3, "z") if model == "3d" else (2, "y")
     mesh = stack(cells, cells, dim, counts=(2, 1))
     if dim == 2:
@@ -76,7 +77,7 @@ def _march(model: str, law: str, cells: str, poisson: float) -> None:
     sides = [fix(f"{a}0", a) for a in "xyz"[: dim - 1] if model != "axisymmetric"]
     records = material, contact(**{"normals": "smoothed"} if law else {}), *([] if law else [Temperature(value=20.0)])
     pressing = *sides, fix("bottom", up), move("top", **{f"u{up}": -0.01})
-    case = case_of(mesh, *records, *pressing, model=model, kinematics="finite" if law else "small")
+    case = case_of(mesh, *records, *pressing, model=model, kinematics=kinematics)
     problem = Problem.of(case)
     for state in march(problem):
         state_fields(problem, state)

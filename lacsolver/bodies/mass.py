@@ -1,25 +1,8 @@
 """The mass matrix M_ab,st = delta_st int rho N_a N_b dV: consistent, or lumped on its diagonal.
 
 The integrals are exact on any cell, distorted or curved: the integrand is a polynomial, and a rule of its degree is
-taken. Degrees of N N det J at most, in each reference coordinate; on TRIA and TETRA in all of them together. In
-axisymmetry r multiplies it and adds the degree of N.
-
-| cells | N | det J | N N det J | with r |
-|---|---|---|---|---|
-| TRIA3, TETRA4 | 1 | 0 | 2 | 3 |
-| TRIA6 | 2 | 2 | 6 | 8 |
-| TRIA7 | 3 | 4 | 10 | 13 |
-| QUAD4 | 1 | 1 | 3 | 4 |
-| QUAD8, QUAD9 | 2 | 3 | 7 | 9 |
-| TETRA10 | 2 | 3 | 7 | |
-| HEXA8 | 1 | 2 | 4 | |
-| HEXA20, HEXA27 | 2 | 5 | 9 | |
-| PENTA6: triangle, axis | 1, 1 | 1, 2 | 4 | |
-| PENTA15, PENTA18: triangle, axis | 2, 2 | 4, 5 | 9 | |
-| PYRAM5: u and v, z | 1, 1 | 1, 0 | 3 | |
-| PYRAM13, PYRAM14: u and v, z | 2, 2 | 5, 3 | 9 | |
-
-u, v, z of pyramids are those of `lacsolver.space.rules`, in which their rational functions are polynomials.
+taken (`DEGREE`). Pyramids are integrated in u, v, z of `lacsolver.space.rules`, in which their rational functions are
+polynomials.
 
 A lumped mass is that of Hinton, Rock and Zienkiewicz (A note on mass lumping and related processes in the finite
 element method, Earthq. Engng Struct. Dyn. 4, 1976): the diagonal of the consistent mass of each cell, scaled to the
@@ -43,26 +26,14 @@ from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import parts_of, piece, table
 from lacsolver.space.space import Space
 
-#: degree of N N det J in the module's table: (plane or solid, axisymmetric)
+#: degree of N N det J in each reference coordinate, on TRIA and TETRA in all of them together; then that with r, which
+#: has the degree of N, in axisymmetry. Degrees of N and det J are 2 and 2 of TRIA6, 3 and 4 of TRIA7, 2 and 3 of QUAD8
+#: and TETRA10, 2 and 5 of quadratic solids
 DEGREE = {
-    "TRIA3": (2, 3),
-    "TRIA6": (6, 8),
-    "TRIA7": (10, 13),
-    "QUAD4": (3, 4),
-    "QUAD8": (7, 9),
-    "QUAD9": (7, 9),
-    "TETRA4": (2, 2),
-    "TETRA10": (7, 7),
-    "HEXA8": (4, 4),
-    "HEXA20": (9, 9),
-    "HEXA27": (9, 9),
-    "PENTA6": (4, 4),
-    "PENTA15": (9, 9),
-    "PENTA18": (9, 9),
-    "PYRAM5": (3, 3),
-    "PYRAM13": (9, 9),
-    "PYRAM14": (9, 9),
-}
+    "TRIA3": (2, 3), "TRIA6": (6, 8), "TRIA7": (10, 13), "QUAD4": (3, 4), "QUAD8": (7, 9), "QUAD9": (7, 9),
+    "TETRA4": (2, 2), "TETRA10": (7, 7), "HEXA8": (4, 4), "HEXA20": (9, 9), "HEXA27": (9, 9), "PENTA6": (4, 4),
+    "PENTA15": (9, 9), "PENTA18": (9, 9), "PYRAM5": (3, 3), "PYRAM13": (9, 9), "PYRAM14": (9, 9),
+}  # fmt: skip
 #: kinds of mass matrix
 KINDS = ("consistent", "lumped")
 

@@ -63,7 +63,10 @@ class PointResponse(NamedTuple):
 
 
 class PointLaw(Protocol):
-    """Interface of a law that is evaluated at points."""
+    """Interface of a law that is evaluated at points.
+
+    With an attribute `mean_dilatation` that is True, linear cells give it their mean change of volume (`dilatation`).
+    """
 
     #: True for a law of finite strains
     finite: bool
@@ -287,6 +290,17 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
     return C, alpha
 
 
+def _lame(A: Floats, rounding: Floats) -> NDArray[np.floating]:
+    """Return lambda and mu (laws, 2) of those of some tensors A (laws, 3, 3, 3, 3) that are isotropic; 0 of others."""
+    I = np.eye(3)  # noqa: E741
+    out = np.stack([A[:, 0, 0, 1, 1], A[:, 0, 1, 0, 1]], axis=1)
+    parts = np.stack([
+        np.einsum("si,tj->sitj", I, I), np.einsum("st,ij->sitj", I, I) + np.einsum("sj,it->sitj", I, I)
+    ])  # fmt: skip
+    out[(np.abs(A - np.tensordot(out, parts, 1)) > rounding).any(axis=(1, 2, 3, 4))] = 0.0
+    return out
+
+
 class LawTerms(NamedTuple):
     """Nonzero entries of the constant A of linear laws, law by law: law k has rows start[k]:start[k + 1].
 
@@ -383,14 +397,11 @@ class Materials:
         for k, law in enumerate(self.at_points):
             if mean and isinstance(law, Linear) and law.mean_dilatation:
                 A[k], R[k], b[k] = dilated_constants(law.A)
-        d, rows, S, I = self.model.dim, self.model.rows, self.model.selector, np.eye(3)  # noqa: E741
-        largest = np.abs(self.tensors).max(axis=(1, 2, 3, 4))[:, None, None, None, None]
-        lame = np.stack([A[:, 0, 0, 1, 1], A[:, 0, 1, 0, 1]], axis=1)
-        shear = np.einsum("st,ij->sitj", I, I) + np.einsum("sj,it->sitj", I, I)
-        isotropic = np.multiply.outer(lame[:, 0], np.einsum("si,tj->sitj", I, I)) + np.multiply.outer(lame[:, 1], shear)
-        lame[(np.abs(A - isotropic) > 1e-15 * largest).any(axis=(1, 2, 3, 4))] = 0.0
+        d, rows, S = self.model.dim, self.model.rows, self.model.selector
+        none = 1e-15 * np.abs(self.tensors).max(axis=(1, 2, 3, 4))[:, None, None, None, None]
+        lame = _lame(A, none)
         A = np.einsum("pqis,cpqab,abjt->csitj", S, A, S)
-        used = np.abs(A) > 1e-15 * largest
+        used = np.abs(A) > none
         used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
         which, s, i, t, j = np.nonzero(used)
         start = np.searchsorted(which, np.arange(len(self.laws) + 1))

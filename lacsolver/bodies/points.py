@@ -233,28 +233,16 @@ def at_points(nodes: Any, e: int, x: Any, table: Any, kind: Any, depth: float, L
 @kernel
 def fill_gradient(nodes: Any, L: Any, u: Any, kind: Any, H: Any) -> None:
     """Fill H (c, q, 3, 3) with du_s/dX_i of cells of nodes (c, n) at u (n_nodes, dim); L (c, q, rows, n)."""
+    H[:] = 0.0
     for e in range(len(nodes)):
         for q in range(L.shape[1]):
-            h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
             for a in range(nodes.shape[1]):
                 p = nodes[e, a]
-                u0, u1, g0, g1 = u[p, 0], u[p, 1], L[e, q, 0, a], L[e, q, 1, a]
-                h00 += u0 * g0
-                h01 += u0 * g1
-                h10 += u1 * g0
-                h11 += u1 * g1
-                if kind.dim == 3:
-                    u2, g2 = u[p, 2], L[e, q, 2, a]
-                    h02 += u0 * g2
-                    h12 += u1 * g2
-                    h20 += u2 * g0
-                    h21 += u2 * g1
-                    h22 += u2 * g2
-                elif kind.axisymmetric:
-                    h22 += u0 * L[e, q, 2, a]
-            H[e, q, 0, 0], H[e, q, 0, 1], H[e, q, 0, 2] = h00, h01, h02
-            H[e, q, 1, 0], H[e, q, 1, 1], H[e, q, 1, 2] = h10, h11, h12
-            H[e, q, 2, 0], H[e, q, 2, 1], H[e, q, 2, 2] = h20, h21, h22
+                for s in range(kind.dim):
+                    for i in range(kind.dim):
+                        H[e, q, s, i] += u[p, s] * L[e, q, i, a]
+                if kind.axisymmetric:
+                    H[e, q, 2, 2] += u[p, 0] * L[e, q, 2, a]
 
 
 def coordinates(space: Space, part: Piece) -> NDArray[np.floating]:

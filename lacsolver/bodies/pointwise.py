@@ -31,8 +31,9 @@ from lacsolver.bodies.assembly import NO_MEAN, OwnedRows, add_cells, assemble, b
 from lacsolver.bodies.deformation import mark_inverted
 from lacsolver.bodies.dilatation import add_mean_pressure, dilated
 from lacsolver.bodies.errors import InadmissibleError
+from lacsolver.bodies.hyperelastic import Hyperelastic
 from lacsolver.bodies.locking import may_take_the_mean
-from lacsolver.bodies.material import PLACES, Elastic, Linear, Materials, PointLaw, PointResponse
+from lacsolver.bodies.material import PLACES, Linear, Materials, PointLaw, PointResponse
 from lacsolver.bodies.plastic import LARGEST_FLOW, Plastic
 from lacsolver.bodies.points import Field, Piece, Span, checked, fill_gradient, gathered, kind, piece
 from lacsolver.bodies.temperature import stretches
@@ -42,8 +43,9 @@ __all__ = ["DisplacedBodies", "LawHistory", "PointLaw", "PointResponse"]
 
 #: histories of laws: an array (cells, points, n) for each block of the space, () if no law has one
 LawHistory = tuple[NDArray[np.floating], ...]
-#: Newton's method for H_22 of plane stress: tolerance of a step, largest number of iterations
-_CLOSE, _STEPS = 1e-14, 80
+#: Newton's method for H_22 of plane stress: step after which it has converged, as its error is the square of the step,
+#: and largest number of iterations
+_CLOSE, _STEPS = 1e-9, 80
 
 
 class _Points(NamedTuple):
@@ -278,7 +280,7 @@ def _no_points(part: Piece) -> _Points:
 
 def _ask(law: Any, H: Floats, history: Floats, tangent: bool) -> PointResponse:
     """Return the response of a law to gradients H (k, 3, 3); those of this package form a tangent only if asked to."""
-    own = isinstance(law, (Elastic, Linear))
+    own = isinstance(law, (Hyperelastic, Plastic, Linear))
     answer: PointResponse = law.respond(H, history, tangent) if own else law.respond(H, history)
     return answer
 

@@ -78,48 +78,34 @@ def displaced(
     space: Space,
     materials: Materials,
     u: Floats,
+    *,
     temperature: TemperatureField | None = None,
     t: float = 1.0,
     threads: int = 1,
 ) -> DisplacedBodies:
-    """Return the bodies at a displacement u (n_dof,) and a time t. Raises RequestError for a law of finite strains."""
+    """Return the bodies at a displacement u (n_dof,) and a time t. Raises RequestError for a law of finite strains.
+
+    `temperature`: a number or f(points, t), or (value, cells) pairs. There is no thermal strain for None and in cells
+    of no pair.
+    """
     warmer = warming(space, materials, temperature, t)
     return DisplacedBodies(space, materials, u, warmer, threads=threads, finite=False)
 
 
-def stress(
-    space: Space,
-    materials: Materials,
-    u: Floats,
-    *,
-    temperature: TemperatureField | None = None,
-    t: float = 1.0,
-    threads: int = 1,
-) -> Field:
-    """Return the stress C (strain(u) - (T - T0) alpha) of u (n_dof,) at time t, (cells, points, 4 or 6).
+def stress(space: Space, materials: Materials, u: Floats, **options: Any) -> Field:
+    """Return the stress C (strain(u) - (T - T0) alpha) of u (n_dof,), (cells, points, 4 or 6).
 
-    `temperature`: a number or f(points, t), or (value, cells) pairs. There is no thermal strain for None and in cells
-    of no pair.
-    Raises RequestError for a law of finite strains.
+    `options`: temperature, t, threads of `displaced`.
     """
-    return displaced(space, materials, u, temperature, t, threads).cauchy_stress()
+    return displaced(space, materials, u, **options).cauchy_stress()
 
 
-def internal_force(
-    space: Space,
-    materials: Materials,
-    u: Floats,
-    *,
-    temperature: TemperatureField | None = None,
-    t: float = 1.0,
-    threads: int = 1,
-) -> NDArray[np.floating]:
+def internal_force(space: Space, materials: Materials, u: Floats, **options: Any) -> NDArray[np.floating]:
     """Return f_int (n_dof,), the nodal forces of the stress of u (n_dof,) in cells of linear laws.
 
-    The result is the same to round-off for any number of threads. Raises RequestError for a law of finite strains.
+    `options`: temperature, t, threads of `displaced`.
     """
-    linear = tuple(not own for own in materials.pointwise)
-    return displaced(space, materials, u, temperature, t, threads).internal_force(linear)
+    return displaced(space, materials, u, **options).internal_force([not own for own in materials.pointwise])
 
 
 @kernel(costly=10)  # compiles as long as a million numbers take, and is called once
