@@ -29,8 +29,8 @@ from lacsolver.bodies.deformation import change_of_volume, inverse_transposed
 
 
 def dilated(H: Floats, W: Floats, finite: bool) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the gradients H~ (c, q, 3, 3) that a law gets for H (c, q, 3, 3) of weights W (c, q), and s - 1 (c, q)."""
-    out, stretch = np.empty(H.shape), np.zeros(W.shape)
+    """Return the gradients H~ (c, q, 3, 3) that a law gets for H (c, q, 3, 3) of weights W (c, q), and s (c, q)."""
+    out, stretch = np.empty(H.shape), np.ones(W.shape)
     _dilate(finite, H, W, out, stretch)
     return out, stretch
 
@@ -48,7 +48,7 @@ def add_mean_pressure(finite: bool, H: Floats, W: Floats, stretch: Floats, P: Fl
 def dilated_constants(A: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating], float]:
     """Return A and R of a constant tangent A~ (3, 3, 3, 3) at small strains, and b over the volume of the cell."""
     A, one = np.array(A[None, None]), np.zeros((1, 1, 3, 3))
-    terms = add_mean_pressure(False, one, np.ones((1, 1)), np.zeros((1, 1)), one.copy(), A)
+    terms = add_mean_pressure(False, one, np.ones((1, 1)), np.ones((1, 1)), one.copy(), A)
     return A[0, 0], terms.R[0, 0], float(terms.b[0])
 
 
@@ -74,13 +74,13 @@ def _dilate(finite: bool, H: Any, W: Any, out: Any, stretch: Any) -> None:
             if finite:
                 change = change_of_volume(h)
                 if change > -1.0 and mean > -1.0:
-                    stretch[e, q] = np.expm1((j - np.log1p(change)) / 3.0)
-                more = stretch[e, q]
+                    more = np.expm1((j - np.log1p(change)) / 3.0)
+                stretch[e, q] = 1.0 + more
             else:
                 more = (mean - h[0, 0] - h[1, 1] - h[2, 2]) / 3.0
             for s in range(3):
                 for i in range(3):
-                    out[e, q, s, i] = (1.0 + stretch[e, q]) * h[s, i]
+                    out[e, q, s, i] = stretch[e, q] * h[s, i]
                 out[e, q, s, s] += more
 
 
@@ -98,7 +98,7 @@ def _add_mean_pressure(finite: bool, H: Any, W: Any, stretch: Any, P: Any, A: An
                 for s in range(3):
                     for i in range(3):
                         pi[q] += P[e, q, s, i] * H[e, q, s, i]
-            pi[q] *= (1.0 + stretch[e, q]) / 3.0
+            pi[q] *= stretch[e, q] / 3.0
             p += W[e, q] * pi[q] / v
         for q in range(len(pi)):
             J = 1.0
@@ -109,7 +109,7 @@ def _add_mean_pressure(finite: bool, H: Any, W: Any, stretch: Any, P: Any, A: An
                         F[s, i] += H[e, q, s, i]
             if finite:
                 J += inverse_transposed(H[e, q], Y)
-            s1, inner = 1.0 + stretch[e, q], (p * J if finite else 0.0)
+            s1, inner = stretch[e, q], (p * J if finite else 0.0)
             if wanted:
                 c = _mean_of_tangent(s1 * s1, s1 if finite else 0.0, F, P[e, q], A[e, q], Z)
                 for s in range(3):

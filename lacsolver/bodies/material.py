@@ -370,9 +370,12 @@ class Materials:
     def _reduced(self) -> list[tuple[NDArray[np.floating], NDArray[np.floating]]]:
         """C (n, n) and alpha (n,) of each law in the model's components."""
         n = self.model.n_stress
-        given = [hasattr(law, "elasticity") and hasattr(law, "thermal_strain") for law in self.laws]
-        none = np.zeros((n, n)), np.zeros(n)
-        return [reduced(law, self.model) if has else none for law, has in zip(self.laws, given, strict=True)]
+        none, constants = (np.zeros((n, n)), np.zeros(n)), ("elasticity", "thermal_strain")
+        lacking = [
+            own and not all(hasattr(law, name) for name in constants)
+            for law, own in zip(self.laws, self.pointwise, strict=True)
+        ]
+        return [none if lacks else reduced(law, self.model) for law, lacks in zip(self.laws, lacking, strict=True)]
 
     @cached_property
     def at_points(self) -> tuple[Any, ...]:
