@@ -109,19 +109,19 @@ def _add_mean_pressure(finite: bool, H: Any, W: Any, stretch: Any, P: Any, A: An
                         F[s, i] += H[e, q, s, i]
             if finite:
                 J += inverse_transposed(H[e, q], Y)
-            s1, inner = stretch[e, q], (p * J if finite else 0.0)
+            scale, inner = stretch[e, q], (p * J if finite else 0.0)
             if wanted:
-                c = _mean_of_tangent(s1 * s1, s1 if finite else 0.0, F, P[e, q], A[e, q], Z)
+                c = _mean_of_tangent(scale * scale, scale if finite else 0.0, F, P[e, q], A[e, q], Z)
                 for s in range(3):
                     for i in range(3):
                         terms.R[e, q, s, i] = Z[s, i] / 3.0 - c / 9.0 * Y[s, i]
                         terms.G[e, q, s, i] = J * Y[s, i] / v
                         Z[s, i] = 0.5 * (c / 9.0 + inner) * Y[s, i] - Z[s, i] / 3.0
                 terms.b[e] += W[e, q] * c / 9.0
-                _put_tangent(s1 * s1, pi[q] - inner if finite else 0.0, Y, Z, A[e, q])
+                _put_tangent(scale * scale, pi[q] - inner if finite else 0.0, Y, Z, A[e, q])
             for s in range(3):
                 for i in range(3):
-                    P[e, q, s, i] = s1 * P[e, q, s, i] + (p * J - pi[q]) * Y[s, i]
+                    P[e, q, s, i] = scale * P[e, q, s, i] + (p * J - pi[q]) * Y[s, i]
         if wanted and finite:
             terms.b[e] -= p * v
 

@@ -220,10 +220,10 @@ class DisplacedBodies:
             own, stretch = dilated(H, part.W, self.finite)
         solve = self.space.model.plane_stress and not isinstance(law, Linear)
         answer = (respond_in_plane_stress if solve else _ask)(law, own.reshape(-1, 3, 3), memory, tangent)
-        if self.finite or solve:
-            inverted = np.zeros(len(H), bool)
+        inverted = np.isnan(H[..., 2, 2]).any(axis=1)
+        if self.finite:
             mark_inverted(H, inverted)
-            self._inverted[part.block][part.cells] = inverted
+        self._inverted[part.block][part.cells] = inverted
         history = np.reshape(answer.history, (*shape, law.n_history))
         if isinstance(law, Plastic):
             flow = (history - memory.reshape(history.shape))[..., 0]
