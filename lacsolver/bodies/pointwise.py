@@ -289,30 +289,26 @@ def respond_in_plane_stress(law: Any, H: Floats, history: Floats, tangent: bool 
     """Fill in H_22 (k,) such that P_22 = 0, in place, and return the response without the direction 22.
 
     Newton's method for Kirchhoff's stress P_22 F_22 as a function of x = ln F_22, in which laws are least curved; at
-    small strains for P_22 and x = H_22. The stress grows with x, so that the root stays between bounds, and a step that
-    leaves them is halved. Where there is no root, H_22 becomes NaN.
+    small strains for P_22 and x = H_22. The stress grows with x, so that the root stays between bounds. Where there is
+    no root, H_22 becomes NaN.
     """
     H[:, 2, 2] = 0.0
-    n = len(H)
+    n, size = len(H), np.abs(H).reshape(-1, 9).max(axis=1)
     x, low, high, left, failed = np.zeros(n), np.full(n, -np.inf), np.full(n, np.inf), np.arange(n), np.zeros(n, bool)
     for _ in range(_STEPS):
-        answer = _ask(law, H[left], history[left], True)
+        answer, at = _ask(law, H[left], history[left], True), x[left]
         across, stiff, F = answer.stress[:, 2, 2], answer.tangent[:, 2, 2, 2, 2], 1.0 + H[left, 2, 2]
         with np.errstate(all="ignore"):
             step = across / (stiff * F + across if law.finite else stiff)
-        low[left], high[left] = np.where(across < 0, x[left], low[left]), np.where(across > 0, x[left], high[left])
-        done = np.abs(step) <= _CLOSE * (np.abs(x[left]) + np.abs(H[left]).max(axis=(1, 2)))
-        failed[left] = ~np.isfinite(step)
-        new = x[left] - step
-        between = (new > low[left]) & (new < high[left]) | done | failed[left]
-        ends, beyond = np.stack([low[left], high[left]]), x[left] - 0.5 * np.sign(across)
-        middle = np.where(np.isfinite(ends).all(axis=0), ends.sum(axis=0, where=np.isfinite(ends)) / 2, beyond)
-        x[left] = np.where(failed[left], 0.0, np.where(between, new, middle))
+        low[left], high[left] = np.where(across < 0, at, low[left]), np.where(across > 0, at, high[left])
+        done, failed[left] = np.abs(step) <= _CLOSE * (np.abs(at) + size[left]), ~np.isfinite(step)
+        x[left] = np.where(done, at - step, _bounded(at, step, low[left], high[left]))
         H[left, 2, 2] = np.expm1(x[left]) if law.finite else x[left]
         left = left[~done & ~failed[left]]
         if not len(left):
             break
     failed[left] = True
+    H[failed, 2, 2] = 0.0
     answer = _ask(law, H, history, tangent)
     H[failed, 2, 2] = np.nan
     stress, A = np.array(answer.stress, float), answer.tangent
@@ -321,3 +317,11 @@ def respond_in_plane_stress(law: Any, H: Floats, history: Floats, tangent: bool 
         with np.errstate(all="ignore"):
             A = A - np.einsum("ksi,ktj,k->ksitj", A[:, :, :, 2, 2], A[:, 2, 2], 1 / A[:, 2, 2, 2, 2])
     return answer._replace(stress=stress, tangent=A)
+
+
+def _bounded(x: Floats, step: Floats, low: Floats, high: Floats) -> Floats:
+    """Return x - step (k,) between bounds; where it leaves them their middle, or x moved by 1/2 if one is infinite."""
+    with np.errstate(invalid="ignore"):
+        new, middle = x - step, 0.5 * (low + high)
+    beyond = np.where(np.isfinite(low), x + 0.5, x - 0.5)
+    return np.where((new > low) & (new < high), new, np.where(np.isfinite(middle), middle, beyond))
