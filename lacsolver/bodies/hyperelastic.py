@@ -23,8 +23,8 @@ At a point, H_si = du_s/dX_i is (3, 3) in every model. Stress and tangent of bot
 | Saint Venant-Kirchhoff | F | tr E | mu | S | mu F F^T |
 | neo-Hookean | F^-T | ln J | mu - lambda ln J | mu I | 0 |
 
-Stress is computed from E = (H + H^T + H^T H) / 2 and ln J by log1p, so that small strains keep their digits and a
-rotation causes no stress.
+Stress and energy are computed from E = (H + H^T + H^T H) / 2 and ln J = ln det(I + 2 E) / 2, by log1p, so that small
+strains keep their digits, and a rotation causes no stress and no energy: with ln J of F, tr E - ln J would be rounding.
 """
 
 from __future__ import annotations
@@ -79,7 +79,11 @@ def _respond(neo_hookean: bool, lam: float, mu: float, H: Any, stress: Any, A: A
         green_lagrange(h, E)
         trace = E[0, 0] + E[1, 1] + E[2, 2]
         if neo_hookean:
-            q = np.log1p(inverse_transposed(h, Y))
+            inverse_transposed(h, Y)
+            for s in range(3):
+                for i in range(3):
+                    S[s, i] = 2.0 * E[s, i]
+            q = 0.5 * np.log1p(change_of_volume(S))
             m, energy[k] = mu - lam * q, mu * (trace - q) + 0.5 * lam * q * q
         else:
             q, m, square = trace, mu, 0.0
