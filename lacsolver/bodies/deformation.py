@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from lacmesh.kernels import kernel
 
 
@@ -47,6 +49,14 @@ def green_lagrange(H: Any, E: Any) -> None:
         for j in range(i + 1):
             E[i, j] = 0.5 * (H[i, j] + H[j, i] + H[0, i] * H[0, j] + H[1, i] * H[1, j] + H[2, i] * H[2, j])
             E[j, i] = E[i, j]
+
+
+@kernel
+def log_of_volume(E: Any) -> float:
+    """Return ln J = ln det(I + 2 E) / 2."""
+    a, b, c, d, e, f = 2.0 * E[0, 0], 2.0 * E[1, 1], 2.0 * E[2, 2], 2.0 * E[0, 1], 2.0 * E[1, 2], 2.0 * E[0, 2]
+    pairs = a * b - d * d + b * c - e * e + a * c - f * f
+    return 0.5 * np.log1p(a + b + c + pairs + a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f))
 
 
 @kernel

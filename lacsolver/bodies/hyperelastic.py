@@ -35,7 +35,7 @@ import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.deformation import change_of_volume, green_lagrange, inverse_transposed
+from lacsolver.bodies.deformation import change_of_volume, green_lagrange, inverse_transposed, log_of_volume
 from lacsolver.bodies.material import Elastic, PointResponse
 
 
@@ -80,10 +80,7 @@ def _respond(neo_hookean: bool, lam: float, mu: float, H: Any, stress: Any, A: A
         trace = E[0, 0] + E[1, 1] + E[2, 2]
         if neo_hookean:
             inverse_transposed(h, Y)
-            for s in range(3):
-                for i in range(3):
-                    S[s, i] = 2.0 * E[s, i]
-            q = 0.5 * np.log1p(change_of_volume(S))
+            q = log_of_volume(E)
             m, energy[k] = mu - lam * q, mu * (trace - q) + 0.5 * lam * q * q
         else:
             q, m, square = trace, mu, 0.0
