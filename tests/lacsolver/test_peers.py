@@ -36,7 +36,7 @@ def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(our
     found = compare.errors(ours)
     assert set(found) == {"p_m", "recovered"}
     assert all(errors.rms < min(RMS.values()) and abs(errors.peak) < 0.023 for errors in found.values())
-    assert ours["iterations"] <= 8
+    assert ours["iterations"] <= 10  # solved loosely until the rows are found: 54 solves with K in all, 66 at N = 16
 
 
 @pytest.mark.slow
