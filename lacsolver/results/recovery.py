@@ -59,6 +59,9 @@ _USUAL = 1.5
 _NEAR = 9
 #: largest factor by which the pressure at the last nodes in contact changes where the edge moves
 _MOST = 2.0
+#: part of a negative square that counts when the edge moves: linear interpolation across the last face has the force of
+#: the root with the edge at 3/4 of the face, where the square beyond is a third of that before
+_BEYOND = 1 / 3
 #: of the interval of the constant that moves the edge, down to round-off
 _HALVINGS = 50
 
@@ -232,6 +235,8 @@ def _moved(q: Floats, last: Bools, part: Ints, lacking: Callable[[Floats], Float
     A constant for each `part` (k,) of the contact is added to q at the `last` nodes. It is bisected within bounds, at
     which the largest of these pressures changes by the factor `_MOST`. `lacking`: the missing force (parts,).
     """
+
+    q = np.where(q < 0, _BEYOND * q, q)
 
     def root(c: Floats) -> NDArray[np.floating]:
         return np.sqrt(np.maximum(q + np.where(last, c[part], 0.0), 0.0))
