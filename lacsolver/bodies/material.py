@@ -86,7 +86,7 @@ class PointLaw(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class LinearLaw:
     """A linear law of small strains at points: `A` (3, 3, 3, 3), without the direction 22 in plane stress."""
 
     A: Floats
@@ -381,7 +381,7 @@ class Materials:
     def at_points(self) -> tuple[Any, ...]:
         """The laws as they are evaluated at points."""
         laws = zip(self.laws, self.tensors, self.mean, self.pointwise, strict=True)
-        return tuple(law if own else Linear(A, bool(mean)) for law, A, mean, own in laws)
+        return tuple(law if own else LinearLaw(A, bool(mean)) for law, A, mean, own in laws)
 
     @cached_property
     def terms(self) -> LawTerms:
@@ -398,7 +398,7 @@ class Materials:
         A, R, b = self.tensors.copy(), np.zeros((len(self.laws), 3, 3)), np.zeros(len(self.laws))
         A[np.array(self.pointwise)] = 0.0
         for k, law in enumerate(self.at_points):
-            if mean and isinstance(law, Linear) and law.mean_dilatation:
+            if mean and isinstance(law, LinearLaw) and law.mean_dilatation:
                 A[k], R[k], b[k] = dilated_constants(law.A)
         d, rows, S = self.model.dim, self.model.rows, self.model.selector
         none = 1e-15 * np.abs(self.tensors).max(axis=(1, 2, 3, 4))[:, None, None, None, None]

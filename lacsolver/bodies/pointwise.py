@@ -33,7 +33,7 @@ from lacsolver.bodies.dilatation import add_mean_pressure, dilated
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.hyperelastic import Hyperelastic
 from lacsolver.bodies.locking import may_take_the_mean
-from lacsolver.bodies.material import PLACES, Linear, Materials, PointLaw, PointResponse
+from lacsolver.bodies.material import PLACES, LinearLaw, Materials, PointLaw, PointResponse
 from lacsolver.bodies.plastic import LARGEST_FLOW, Plastic
 from lacsolver.bodies.points import Field, Piece, Span, checked, fill_gradient, gathered, kind, piece
 from lacsolver.bodies.temperature import stretches
@@ -218,7 +218,7 @@ class DisplacedBodies:
         own = H
         if getattr(law, "mean_dilatation", False) and may_take_the_mean(self.space, part.block):
             own, stretch = dilated(H, part.W, self.finite)
-        solve = self.space.model.plane_stress and not isinstance(law, Linear)
+        solve = self.space.model.plane_stress and not isinstance(law, LinearLaw)
         answer = (respond_in_plane_stress if solve else _ask)(law, own.reshape(-1, 3, 3), memory, tangent)
         inverted = np.isnan(H[..., 2, 2]).any(axis=1)
         if self.finite:
@@ -280,7 +280,7 @@ def _no_points(part: Piece) -> _Points:
 
 def _ask(law: Any, H: Floats, history: Floats, tangent: bool) -> PointResponse:
     """Return the response of a law to gradients H (k, 3, 3); those of this package form a tangent only if asked to."""
-    own = isinstance(law, (Hyperelastic, Plastic, Linear))
+    own = isinstance(law, (Hyperelastic, Plastic, LinearLaw))
     answer: PointResponse = law.respond(H, history, tangent) if own else law.respond(H, history)
     return answer
 
