@@ -233,11 +233,11 @@ def test_a_block_that_rocks_on_one_macro_element(case, normals):
 FACET, NEXT_GAP = 1.3 / 7, 0.00086217 - 0.00017245
 
 
-@pytest.mark.rows("small_v0.0005-0.0-2000.0", "finite_all-0.02-2e4")
+@pytest.mark.rows("small_v0.0005-0.0001-2000.0", "finite_all-0.02-2e4")
 @pytest.mark.parametrize(
     ("case", "eccentricity", "young"),
     [
-        *itertools.product(("small_all", "small_v0.0005", "finite_all"), (0.0, 0.02, -0.02), ("2000.0",)),
+        *itertools.product(("small_all", "small_v0.0005", "finite_all"), (1e-4, 0.02, -0.02), ("2000.0",)),
         ("small_all", -1e-5, "2000.0"),  # it tilts over the other side
         ("finite_all", 0.02, "2e4"),
     ],
@@ -253,7 +253,7 @@ def test_a_block_that_tilts_until_the_next_macro_element_holds_it(case, eccentri
         value = re.search(r"value = (.*)", text)[1]
         pressed = f'"{value} * (1 + {eccentricity} / 0.65 ** 2 * 3 * (x - 0.95))"'
         text = text.replace(f"value = {value}", f"value = {pressed}").replace("2000.0", young)
-        return text + "\n[solver]\ntolerance = 1e-12\n"
+        return text + "\n[solver]\ntolerance = 1e-9\n"
 
     problem, states = states_of(f"rocking_{case}", change)
     assert all(state.halvings == 0 and state.iterations <= 20 for state in states)
