@@ -55,17 +55,17 @@ def check(problem, state, moved, exact=True):
     forces = [np.abs(v).max(initial=0.0) for v in acting]
     forces.append(1e-4 * abs(K).max() * moved)  # what round-off is measured with where nothing acts
     tolerance = max(1e-10, 10 * problem.case.solver.tolerance)
-    linear = problem.kinematics.linear and not any(joint.moving for joint in problem.joints)
-    if not linear:  # rounding of coordinates makes forces
+    if not problem.kinematics.linear:  # rounding of coordinates makes forces
         forces.append(10 * ROUNDING / tolerance * abs(K).max() * np.ptp(problem.space.mesh.points, axis=0).max())
     if (motion := state.step.motion) is not None:
         assert abs(motion.account) <= 1e-8 * max(np.abs(motion.energies).max(), 1e-300)
     else:
         left = c.tangent(q, state.time).T @ state.reaction - c.force(state.time, q)
+        linear = problem.kinematics.linear and not any(joint.moving for joint in problem.joints)
         limit = (1e-10 if linear else tolerance) * max(forces)
         assert np.abs(left).max(initial=0.0) <= limit, "balance of what is free"
     for joint, zone in zip(problem.joints, state.zones, strict=True):
-        linear = problem.kinematics.linear and not joint.moving and zone.friction is None and motion is None
+        linear = problem.kinematics.linear and zone.friction is None and motion is None
         check_conditions(joint, zone, moved, 1e-12 if linear and exact else tolerance)
         if np.abs(zone.force).max() > 1e-12 * max(forces) and not problem.case.cyclic:
             x = joint.places(problem.space, u)
