@@ -281,16 +281,20 @@ def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
         longest = max(abs(su), abs(sv))
         if not longest < np.inf:
             break
-        if longest > 1.0 and kind != AFFINE:
-            su /= longest
-            sv /= longest
-        u -= su
-        v -= sv
+        u, v = _stepped(kind, u, v, su, sv, longest)
         if longest < 1e-9 or (kind == AFFINE and step == 1):
             met = True
             break
     y, du, dv = at(G, kind, u, v)
     return met, u, v, (y[0] - x[0]) * n[0] + (y[1] - x[1]) * n[1] + (y[2] - x[2]) * n[2]
+
+
+@kernel
+def _stepped(kind: int, u: float, v: float, su: float, sv: float, longest: float) -> Any:
+    """Return (u, v) after Newton's step (-su, -sv), whose largest part is `longest`: at most 1 on curved faces."""
+    if longest > 1.0 and kind != AFFINE:
+        return u - su / longest, v - sv / longest
+    return u - su, v - sv
 
 
 @kernel(borrows=True)
@@ -309,11 +313,7 @@ def foot(G: Any, kind: int, H: Any, x: Any, u: float, v: float) -> Any:
         longest = max(abs(su), abs(sv))
         if not longest < np.inf:
             break
-        if longest > 1.0 and kind != AFFINE:
-            su /= longest
-            sv /= longest
-        u -= su
-        v -= sv
+        u, v = _stepped(kind, u, v, su, sv, longest)
         if longest < 1e-9:
             met = True
             break

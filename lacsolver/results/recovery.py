@@ -230,12 +230,11 @@ def _balanced(
 
 
 def _moved(q: Floats, last: Bools, part: Ints, lacking: Callable[[Floats], Floats]) -> NDArray[np.floating]:
-    """Return the roots (k,) of q, 0 where it is negative, after the edge of contact has moved to where no force lacks.
+    """Return the roots (k,) of q, 0 where it is negative, when the edge of contact has moved so that forces agree.
 
     A constant for each `part` (k,) of the contact is added to q at the `last` nodes. It is bisected within bounds, at
     which the largest of these pressures changes by the factor `_MOST`. `lacking`: the missing force (parts,).
     """
-
     q = np.where(q < 0, _BEYOND * q, q)
 
     def root(c: Floats) -> NDArray[np.floating]:
